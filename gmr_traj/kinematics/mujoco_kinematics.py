@@ -1,0 +1,106 @@
+"""Forward kinematics and Jacobians of a robot in numbers, by MuJoCo.
+
+Tangent convention of the whole project, at a configuration ``q = (p, quaternion, joints)``:
+
+    v = (p_dot, omega, joints_dot)  # (6 + n,)
+
+with the base's linear velocity ``p_dot`` [m/s] **and** angular velocity ``omega`` [rad/s] both in **world** axes.
+(MuJoCo's free joint has omega in the base's own axes, Pinocchio's has both there; see ``to_mujoco`` and
+``gmr_traj.kinematics.pinocchio_model``.)  Integrating ``v`` for one second turns the base rotation R into
+``exp(omega) R``.
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from gmr_traj.exceptions import RobotError
+from gmr_traj.robot import Robot
+
+
+def placements(robot: Robot, qpos: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """World placements of all bodies in every frame.
+
+    Args:
+        robot: the robot.
+        qpos: configurations, quaternions wxyz of unit length.  # (T, 7 + n)
+
+    Returns:
+        positions [m]  # (T, B, 3), and rotation matrices (body axes as columns)  # (T, B, 3, 3),
+        with bodies in the order of ``robot.body_names``.
+    """
+    data = mujoco.MjData(robot.model)
+    frames, bodies = len(qpos), len(robot.body_names)
+    positions = np.empty((frames, bodies, 3))
+    rotations = np.empty((frames, bodies, 9))
+    for t in range(frames):
+        data.qpos[:] = qpos[t]
+        mujoco.mj_kinematics(robot.model, data)
+        positions[t] = data.xpos[1:]
+        rotations[t] = data.xmat[1:]
+    return positions, rotations.reshape(frames, bodies, 3, 3)
+
+
+def body_id(robot: Robot, body: str) -> int:
+    """Index of a body in the MuJoCo model (the world is 0).
+
+    Raises:
+        RobotError: the robot has no such body.
+    """
+    index = mujoco.mj_name2id(robot.model, mujoco.mjtObj.mjOBJ_BODY, body)
+    if index < 1:
+        raise RobotError(f"robot {robot.name} has no body {body!r}; it has {', '.join(robot.body_names)}")
+    return int(index)
+
+
+def to_mujoco(q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Tangent vector with world angular velocity (ours) to MuJoCo's, whose angular velocity is in base axes.
+
+    Args:
+        q: configuration.  # (7 + n,)
+        v: tangent vector (world linear, world angular, joints).  # (6 + n,)
+    """
+    out = np.array(v, dtype=float)
+    out[3:6] = base_rotation(q).T @ out[3:6]
+    return out
+
+
+def base_rotation(q: np.ndarray) -> np.ndarray:
+    """Rotation matrix of the base in the world.  # (3, 3)"""
+    matrix = np.empty(9)
+    mujoco.mju_quat2Mat(matrix, np.asarray(q[3:7], dtype=float))
+    return matrix.reshape(3, 3)
+
+
+def integrate(robot: Robot, q: np.ndarray, v: np.ndarray, dt: float = 1.0) -> np.ndarray:
+    """Configuration reached from ``q`` along the constant tangent ``v`` (our convention) after ``dt`` [s].  # (7 + n,)"""
+    out = np.array(q, dtype=float)
+    mujoco.mj_integratePos(robot.model, out, to_mujoco(q, v), dt)
+    return out
+
+
+def body_jacobian(robot: Robot, q: np.ndarray, body: str) -> np.ndarray:
+    """Jacobian of a body's placement in world axes: linear velocity of its origin, then angular velocity.
+
+        (p_dot_body, omega_body) = J(q) v,    v = (world linear, world angular, joints)
+
+    Args:
+        robot: the robot.
+        q: configuration.  # (7 + n,)
+        body: name of the body.
+
+    Returns:
+        J.  # (6, 6 + n)
+
+    Raises:
+        RobotError: the robot has no such body.
+    """
+    data = mujoco.MjData(robot.model)
+    data.qpos[:] = q
+    mujoco.mj_kinematics(robot.model, data)
+    mujoco.mj_comPos(robot.model, data)
+    jacobian = np.zeros((6, robot.model.nv))
+    mujoco.mj_jacBody(robot.model, data, jacobian[:3], jacobian[3:], body_id(robot, body))
+    jacobian[:, 3:6] = jacobian[:, 3:6] @ base_rotation(q).T  # omega_base axes = R^T omega_world
+    return jacobian
