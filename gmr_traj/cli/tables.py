@@ -1,0 +1,121 @@
+"""Tables for people: certificates, artefacts, rankings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from rich.markup import escape
+from rich.table import Table
+
+from gmr_traj.metrics import Artefact, Certificate, Change, Figures
+
+_HELD = {True: "[green]held[/green]", False: "[bold red]BROKEN[/bold red]"}
+
+
+def certificate(measured: Certificate) -> Table:
+    """Every promise with the input's figure, the refined clip's, the bar and whether it holds."""
+    table = _table("promise", ">input", ">refined", ">at most", "unit", "", "where")
+    for promise in measured.promises:
+        table.add_row(
+            escape(promise.sentence),
+            "" if promise.before is None else number(promise.before),
+            number(promise.value),
+            number(promise.bar),
+            escape(promise.unit),
+            _HELD[promise.held],
+            escape(promise.where),
+        )
+    return table
+
+
+def change(moved: Change) -> Table:
+    """How far each key body moved and turned against the levelled input."""
+    table = _table("body", ">mean [mm]", ">max [mm]", ">mean [deg]", ">max [deg]")
+    for body in moved.bodies:
+        figures = (body.position_mean, body.position_max, body.orientation_mean, body.orientation_max)
+        table.add_row(escape(body.body), *(number(figure) for figure in figures))
+    table.add_row("all (mean)", number(moved.position), "", number(moved.orientation), "", style="bold")
+    return table
+
+
+def kinds(found: Sequence[Artefact], seconds: float) -> Table:
+    """One line a kind of artefact: how many, how much of the clip, and the worst of them.
+
+    Args:
+        found: artefacts of one clip, worst first.
+        seconds: length of the clip [s].
+    """
+    table = _table("artefact", ">count", ">of clip", ">worst", "unit", "where", ">seconds")
+    by_kind: dict[str, list[Artefact]] = {}
+    for artefact in found:
+        by_kind.setdefault(artefact.kind, []).append(artefact)
+    for kind, own in by_kind.items():
+        worst, share = own[0], f"{100.0 * _covered(own) / seconds:.0f} %"
+        cells = (kind.replace("_", " "), str(len(own)), share, number(worst.value), worst.unit, worst.where)
+        table.add_row(*(escape(cell) for cell in cells), _span(worst))
+    return table
+
+
+def artefacts(found: Sequence[Artefact], top: int) -> Table:
+    """The ``top`` worst artefacts of a clip, one a line."""
+    table = _table("artefact", "where", ">seconds", ">frames", ">value", "unit", ">severity")
+    for artefact in found[:top]:
+        table.add_row(
+            artefact.kind.replace("_", " "),
+            escape(artefact.where),
+            _span(artefact),
+            f"{artefact.start}-{artefact.stop - 1}",
+            number(artefact.value),
+            escape(artefact.unit),
+            f"{artefact.score:.2f}",
+        )
+    return table
+
+
+def ranking(clips: Iterable[tuple[str, float, Figures, Sequence[Artefact]]]) -> Table:
+    """One line a clip: its score, length, and the figures that tell clips apart, in the order given."""
+    table = _table("clip", ">score", ">s", ">jumps", ">rad/s", ">drift mm", ">sole mm", ">self mm", "worst")
+    for name, score, figures, found in clips:
+        table.add_row(
+            escape(name),
+            f"{score:.2f}",
+            f"{figures.seconds:.1f}",
+            str(sum(a.kind in ("jump", "transient") for a in found)),
+            number(figures.speed_max),
+            number(figures.drift_max),
+            number(figures.sole_lowest),
+            number(figures.self_depth),
+            escape(f"{found[0].kind.replace('_', ' ')}: {found[0].where}") if found else "",
+        )
+    return table
+
+
+def number(value: float) -> str:
+    """Three significant digits, no exponent: 0.0123, 4.56, 78.9, 1235."""
+    if float(value).is_integer() or abs(value) >= 100.0:
+        return f"{value:.0f}"
+    if abs(value) < 1e-4:
+        return f"{value:.0e}"
+    return f"{value:#.3g}".rstrip(".")
+
+
+def _table(*columns: str) -> Table:
+    """A table without rules; the columns whose name begins with ``>`` are numbers, on the right."""
+    table = Table(box=None, pad_edge=False, show_edge=False, header_style="bold")
+    for name in columns:
+        right = name.startswith(">")
+        table.add_column(escape(name.removeprefix(">")), justify="right" if right else "left", no_wrap=right)
+    return table
+
+
+def _span(artefact: Artefact) -> str:
+    return f"{artefact.begin:.2f}-{artefact.end:.2f}"
+
+
+def _covered(found: Iterable[Artefact]) -> float:
+    """Length of the union of the artefacts' stretches [s]."""
+    total, reached = 0.0, float("-inf")
+    for artefact in sorted(found, key=lambda a: a.begin):
+        total += max(0.0, artefact.end - max(artefact.begin, reached))
+        reached = max(reached, artefact.end)
+    return total

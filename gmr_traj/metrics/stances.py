@@ -1,0 +1,74 @@
+"""How well the feet stay where they came down."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gmr_traj.contacts.schedule import ContactSchedule, Stance
+from gmr_traj.exceptions import ScheduleError
+from gmr_traj.metrics.observation import Observation
+
+
+@dataclass(frozen=True)
+class StanceTrack:
+    """One sole point p over one stance ``[start, stop)``.
+
+    Attributes:
+        stance: the stance.
+        drift: ``||p_xy[t] - p_xy[start]||`` [m].  # (stop - start,)
+        speed: ``||p_xy[t+1] - p_xy[t]|| fps`` [m/s].  # (stop - start - 1,)
+        height: ``p_z[t]`` [m].  # (stop - start,)
+    """
+
+    stance: Stance
+    drift: np.ndarray
+    speed: np.ndarray
+    height: np.ndarray
+
+
+def stance_tracks(observation: Observation, schedule: ContactSchedule) -> tuple[StanceTrack, ...]:
+    """The sole point of every stance over its frames, in the schedule's order.
+
+    Raises:
+        ScheduleError: where the schedule is for another number of frames, or a stance names a sole, a point or
+            frames that are not there.
+    """
+    motion, robot = observation.motion, observation.robot
+    if schedule.frames != motion.frames:
+        raise ScheduleError(
+            f"the contact schedule is for {schedule.frames} frames, the clip has {motion.frames}: detect them again"
+        )
+    soles = {sole.name: points for sole, points in zip(robot.soles, observation.soles, strict=True)}
+    tracks = []
+    for stance in schedule.stances:
+        points = soles.get(stance.sole)
+        if points is None:
+            raise ScheduleError(f"a stance names sole {stance.sole!r}; robot {robot.name} has {', '.join(soles)}")
+        if not 0 <= stance.point < points.shape[1]:
+            raise ScheduleError(
+                f"a stance names point {stance.point} of sole {stance.sole!r}, whose last is {points.shape[1] - 1}"
+            )
+        if not 0 <= stance.start < stance.stop <= motion.frames:
+            raise ScheduleError(
+                f"a stance of sole {stance.sole!r} lasts from frame {stance.start} to {stance.stop}; "
+                f"it needs 0 <= start < stop <= {motion.frames}"
+            )
+        p = points[stance.start : stance.stop, stance.point]  # (N, 3)
+        flat = p[:, :2]
+        tracks.append(
+            StanceTrack(
+                stance=stance,
+                drift=np.linalg.norm(flat - flat[0], axis=1),
+                speed=np.linalg.norm(np.diff(flat, axis=0), axis=1) * motion.fps,
+                height=p[:, 2],
+            )
+        )
+    return tuple(tracks)
+
+
+def cut_to(schedule: ContactSchedule, frames: int) -> ContactSchedule:
+    """The schedule of the clip's first ``frames`` frames (or of a longer clip that begins with it)."""
+    stances = tuple(replace(s, stop=min(s.stop, frames)) for s in schedule.stances if s.start < frames)
+    return replace(schedule, frames=frames, stances=stances)
