@@ -1,0 +1,154 @@
+"""The command's arguments, one frozen dataclass a subcommand; tyro turns them into options and help."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal, get_args
+
+import tyro
+
+from gmr_traj.exceptions import GmrTrajError
+
+Format = Literal[
+    "gmr", "gmr-traj", "unitree-csv", "protomotions-csv", "bones-csv", "mjlab", "beyondmimic", "holosoma", "phc"
+]
+_FORMAT = tyro.conf.arg(metavar="FORMAT", help_behavior_hint=f"({', '.join(get_args(Format))})")
+
+
+def _named(metavar: str, otherwise: str = "") -> Any:
+    """An option whose value is called ``metavar`` in the help, with what happens where it is not given."""
+    return tyro.conf.arg(metavar=metavar, help_behavior_hint=f"(default: {otherwise})" if otherwise else None)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Common(ABC):
+    """Options that every subcommand has."""
+
+    robot: Annotated[str, _named("NAME|PATH")] = "unitree_g1"
+    """Robot: one that ships with gmr-traj, or the path of a robot.toml."""
+
+    input_format: Annotated[Format | None, _FORMAT] = None
+    """Format of the input; detected from its content where it is not given."""
+
+    fps: Annotated[float | None, _named("HZ", "what the file says, else what its format implies")] = None
+    """Frames per second of the input."""
+
+    quaternion: Annotated[Literal["xyzw", "wxyz"] | None, _named("xyzw|wxyz", "decided from the content")] = None
+    """Order of the input's base quaternion."""
+
+    traceback: bool = False
+    """Print the Python traceback of an error (also: GMR_TRAJ_TRACEBACK=1)."""
+
+    @abstractmethod
+    def run(self) -> int:
+        """Carry the subcommand out and return its exit code."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Refine(Common):
+    """Refine a robot clip: one trajectory optimisation over all of its frames.
+
+    Writes the refined clip and, beside it, <output>.report.json with the certificate, the solver's report and the
+    contact schedule.  The input is never overwritten.
+    """
+
+    clip: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="CLIP")]
+    """Clip to refine."""
+
+    output: Annotated[Path | None, _named("PATH", "<stem>_refined<suffix> beside the input")] = None
+    """File to write."""
+
+    format: Annotated[Format | None, _FORMAT] = None
+    """Format of the output; the input's where it is not given."""
+
+    problem: Annotated[str, _named("NAME|PATH")] = "refine"
+    """Problem: one that ships with gmr-traj, or the path of a problem file."""
+
+    contacts: Annotated[Path | None, _named("JSON", "the clip's own, else detected")] = None
+    """Contact schedule to use."""
+
+    save_contacts: Annotated[Path | None, _named("JSON", "not written")] = None
+    """Write the contact schedule that was used, to edit it and pass it back with --contacts."""
+
+    window: Annotated[float | None, _named("SECONDS", "the whole clip at once")] = None
+    """Solve in windows of this length."""
+
+    overlap: Annotated[float | None, _named("SECONDS", "the problem's")] = None
+    """How far neighbouring windows overlap."""
+
+    json: bool = False
+    """Print the report as JSON on standard output instead of tables."""
+
+    quiet: bool = False
+    """Print nothing but errors."""
+
+    force: bool = False
+    """Overwrite output files that exist."""
+
+    def run(self) -> int:
+        """Refine the clip."""
+        from gmr_traj.cli.refine import run
+
+        return run(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Inspect(Common):
+    """Report the artefacts of clips: what, where, how bad. Changes nothing.
+
+    A folder is searched for clips, and they are ranked, the worst first.
+    """
+
+    paths: Annotated[
+        tyro.conf.Positional[tuple[Path, ...]],
+        tyro.conf.arg(metavar="CLIP|FOLDER...", help_behavior_hint="(at least one)"),
+    ]
+    """Clips, or folders of clips."""
+
+    top: int = 10
+    """How many artefacts (of a clip) or clips (of a folder) to list."""
+
+    json: bool = False
+    """Print the report as JSON on standard output instead of tables."""
+
+    def run(self) -> int:
+        """Inspect the clips."""
+        if not self.paths:
+            raise GmrTrajError("inspect needs at least one clip or folder of clips")
+        from gmr_traj.cli.inspect import inspect
+
+        return inspect(list(self.paths), self.robot, self.json, self.top, self.fps, self.quaternion, self.input_format)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bench(Common):
+    """Measure frames per second, peak memory and how both scale with the clip's length.
+
+    Each length is refined in a process of its own; nothing is written.
+    """
+
+    clip: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="CLIP")]
+    """Clip to cut the lengths from; it is played forth and back where it is too short."""
+
+    seconds: tuple[float, ...] = (5.0, 10.0, 20.0, 40.0)
+    """Lengths to measure [s]."""
+
+    problem: Annotated[str, _named("NAME|PATH")] = "refine"
+    """Problem: one that ships with gmr-traj, or the path of a problem file."""
+
+    window: Annotated[float | None, _named("SECONDS", "the whole clip at once")] = None
+    """Solve in windows of this length."""
+
+    overlap: Annotated[float | None, _named("SECONDS", "the problem's")] = None
+    """How far neighbouring windows overlap."""
+
+    json: bool = False
+    """Print the figures as JSON on standard output instead of a table."""
+
+    def run(self) -> int:
+        """Run the measurements."""
+        from gmr_traj.cli.bench import run
+
+        return run(self)

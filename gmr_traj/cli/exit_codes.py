@@ -1,0 +1,36 @@
+"""What the command's exit codes mean."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+
+class ExitCode(IntEnum):
+    """Exit codes of `gmr-traj`; the README and `--help` list the same."""
+
+    OK = 0
+    INTERNAL_ERROR = 1
+    BAD_INPUT = 2
+    BROKEN_PROMISE = 3
+    NOT_CONVERGED = 4
+    INTERRUPTED = 130
+
+    @property
+    def meaning(self) -> str:
+        """One line for people."""
+        return _MEANINGS[self]
+
+
+_MEANINGS = {
+    ExitCode.OK: "the clip was written and every promise holds (refine); the report was made (inspect, bench)",
+    ExitCode.INTERNAL_ERROR: "a fault in gmr-traj itself; --traceback shows where",
+    ExitCode.BAD_INPUT: "bad usage, or a file that cannot be read or written; nothing was written",
+    ExitCode.BROKEN_PROMISE: "the clip was written, but a promise of its certificate is broken",
+    ExitCode.NOT_CONVERGED: "the solver did not converge; its last iterate is in <output>.unconverged.<suffix>",
+    ExitCode.INTERRUPTED: "interrupted from the keyboard; nothing was written",
+}
+
+
+def table() -> str:
+    """All codes with their meanings, one a line."""
+    return "\n".join(f"{code.value:>5}  {code.meaning}" for code in ExitCode)
