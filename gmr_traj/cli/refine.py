@@ -1,0 +1,153 @@
+"""`gmr-traj refine`: from file to file, with the certificate measured on what was written."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gmr_traj import atomic
+from gmr_traj._version import __version__
+from gmr_traj.cli import outputs
+from gmr_traj.cli.exit_codes import ExitCode
+from gmr_traj.cli.loading import load
+from gmr_traj.cli.progress import progress
+from gmr_traj.contacts import schedule_json
+from gmr_traj.contacts.schedule import ContactSchedule
+from gmr_traj.exceptions import ScheduleError
+from gmr_traj.formats import Clip, read_clip, write_clip
+from gmr_traj.metrics import Certificate, certify
+from gmr_traj.problem import load_problem
+from gmr_traj.refine import Refinement, refine
+from gmr_traj.robot import Robot
+
+if TYPE_CHECKING:
+    from gmr_traj.cli.arguments import Refine
+
+PIPE_WIDTH = 120
+
+
+def run(arguments: Refine) -> int:
+    """Refine one clip.
+
+    Returns:
+        0 where every promise of the certificate holds, 3 where one is broken, 4 where the solver did not converge.
+
+    Raises:
+        GmrTrajError: anything the user can put right; nothing was written then.
+    """
+    planned = outputs.plan(arguments.clip, arguments.output, arguments.format, arguments.save_contacts, arguments.force)
+    clip, robot = load(arguments.clip, arguments)
+    problem = load_problem(arguments.problem)
+    schedule = _given_schedule(arguments.contacts, clip, robot)
+    with progress(not arguments.quiet) as callback:
+        refinement = refine(
+            clip.motion,
+            robot,
+            problem,
+            schedule=schedule,
+            window=arguments.window,
+            overlap=arguments.overlap,
+            progress=callback,
+        )
+    converged = refinement.report.status != "not converged"
+    target = planned.clip if converged else planned.unconverged
+    with outputs.staged(target) as staged:
+        write_clip(_refined(clip, refinement), staged, format=arguments.format)
+        certificate = _certify(staged, arguments.format, clip, refinement, robot)
+        code = _exit_code(converged, certificate)
+        report = _report(arguments, target, clip, refinement, certificate, code)
+        text = json.dumps(report, indent=2) + "\n"
+        outputs.publish(staged, target, planned.report(target), text)
+    if planned.contacts is not None:
+        with atomic.write(planned.contacts) as stream:
+            stream.write(schedule_json.to_json(refinement.schedule).encode())
+    if arguments.json:
+        print(text, end="")
+    elif not arguments.quiet:
+        _show(clip, target, refinement, certificate, code)
+    return code
+
+
+def _given_schedule(path: Path | None, clip: Clip, robot: Robot) -> ContactSchedule | None:
+    """The schedule the user or the clip brings along; None to detect one."""
+    if path is None:
+        return clip.schedule
+    motion = clip.motion
+    try:
+        return schedule_json.from_json(path.read_text(), robot, frames=motion.frames, fps=motion.fps)
+    except UnicodeDecodeError:
+        raise ScheduleError(f"{path}: this is not text; expected JSON as --save-contacts writes it") from None
+    except ScheduleError as error:
+        raise ScheduleError(f"{path}: {error}") from error
+
+
+def _refined(clip: Clip, refinement: Refinement) -> Clip:
+    """The clip to write: the refined motion, and what is in the input's world raised as the motion was."""
+    height = refinement.schedule.height
+    references = clip.references
+    if references is not None:
+        references = replace(references, positions=references.positions + np.array([0.0, 0.0, height]))
+    # The written motion stands on the floor already, so its schedule has nothing left to raise.
+    schedule = replace(refinement.schedule, height=0.0)
+    return replace(clip, motion=refinement.motion, schedule=schedule, references=references)
+
+
+def _certify(staged: Path, file_format: str | None, clip: Clip, refinement: Refinement, robot: Robot) -> Certificate:
+    """The certificate of the file as it was written: read back, not as it was meant."""
+    written = read_clip(staged, robot, format=file_format or clip.format, fps=clip.motion.fps)
+    schedule = refinement.schedule
+    return certify(clip.motion, written.motion, robot, schedule, levelling=schedule.height)
+
+
+def _exit_code(converged: bool, certificate: Certificate) -> ExitCode:
+    if not converged:
+        return ExitCode.NOT_CONVERGED
+    return ExitCode.OK if certificate.held else ExitCode.BROKEN_PROMISE
+
+
+def _report(
+    arguments: Refine, target: Path, clip: Clip, refinement: Refinement, certificate: Certificate, code: ExitCode
+) -> dict[str, Any]:
+    """Everything there is to know about the run, ready for JSON."""
+    return {
+        "gmr_traj": __version__,
+        "input": str(arguments.clip),
+        "output": str(target),
+        "format": arguments.format or clip.format,
+        "robot": arguments.robot,
+        "problem": arguments.problem,
+        "exit_code": int(code),
+        "meaning": code.meaning,
+        "notes": list(clip.notes),
+        "certificate": certificate.to_json(),
+        "solver": refinement.report.to_json(),
+        "contacts": json.loads(schedule_json.to_json(refinement.schedule)),
+    }
+
+
+def _show(clip: Clip, target: Path, refinement: Refinement, certificate: Certificate, code: ExitCode) -> None:
+    """Print what was decided, what was solved, what it measures, and where it went."""
+    from rich.console import Console
+
+    from gmr_traj.cli import tables
+
+    # Where nobody's window sets the width (a pipe, a log), tables are wide enough not to wrap.
+    console = Console(highlight=False, soft_wrap=False, width=None if sys.stdout.isatty() else PIPE_WIDTH)
+    for note in clip.notes:
+        console.print(f"note: {note}", markup=False)
+    report = refinement.report
+    console.print(
+        f"{report.solver_status}: {clip.motion.frames} frames, {report.iterations} iterations, {report.seconds:.1f} s",
+        markup=False,
+    )
+    if report.message:
+        console.print(report.message, markup=False)
+    console.print(tables.certificate(certificate))
+    if code is not ExitCode.OK:
+        console.print(code.meaning, markup=False)
+    console.print(f"written: {target}", markup=False, soft_wrap=True)
