@@ -1,0 +1,116 @@
+"""Which pairs of capsules come close in which frames of a clip."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import fcl
+import numpy as np
+
+from gmr_traj.collision.capsules import radii, world_segments
+from gmr_traj.collision.segments import Array, distance
+from gmr_traj.robot import Robot
+
+#: Frames whose swept boxes are searched together. Longer chunks mean fewer searches and more false alarms.
+CHUNK = 16
+
+#: Added to every box [m], so that rounding can lose no pair whose clearance equals the margin.
+ROUNDING = 1e-9
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A pair of capsules and the frames in which they are closer than the margin that was asked for.
+
+    Attributes:
+        pair: indices into ``robot.capsules``, one of ``robot.collision_pairs``.
+        frames: frames in ascending order.  # (F,)
+        clearance: signed clearance in those frames [m], negative where they overlap.  # (F,)
+    """
+
+    pair: tuple[int, int]
+    frames: np.ndarray
+    clearance: np.ndarray
+
+
+def candidates(
+    robot: Robot, positions: Array, rotations: Array, margin: float, *, chunk: int = CHUNK
+) -> list[Candidate]:
+    """All pairs and frames with a clearance below ``margin``; none is missed.
+
+    Per chunk of frames each capsule is swept into one axis-aligned box, inflated by its radius and half the margin;
+    python-fcl's AABB tree reports the boxes that overlap, and the closed form decides in every frame of the chunk.
+
+    Args:
+        robot: its ``collision_pairs`` are searched.
+        positions: origins of ``robot.body_names`` in the world [m].  # (T, B, 3)
+        rotations: their orientations in the world.  # (T, B, 3, 3)
+        margin: clearance below which a pair counts [m].
+        chunk: frames a box.
+
+    Returns:
+        candidates in the order of ``robot.collision_pairs``; pairs that never come close are left out.
+    """
+    if not len(positions) or not robot.collision_pairs:
+        return []
+    starts, ends = world_segments(robot, positions, rotations)  # (T, C, 3)
+    radius = radii(robot)
+    close = _chunks_of_pairs(robot, starts, ends, radius + 0.5 * margin + ROUNDING, chunk)
+    out = []
+    for i, j in robot.collision_pairs:
+        if (i, j) not in close:
+            continue
+        frames = (np.array(close[i, j])[:, None] + np.arange(chunk)).ravel()
+        frames = frames[frames < len(positions)]
+        gap, _, _ = distance(starts[frames, i], ends[frames, i], starts[frames, j], ends[frames, j])
+        gap -= radius[i] + radius[j]
+        below = gap < margin
+        if below.any():
+            out.append(Candidate((i, j), frames[below], gap[below]))
+    return out
+
+
+def _chunks_of_pairs(
+    robot: Robot, starts: Array, ends: Array, inflation: Array, chunk: int
+) -> dict[tuple[int, int], list[int]]:
+    """For each collision pair whose swept boxes overlap somewhere, the first frames of those chunks, ascending."""
+    firsts = np.arange(0, len(starts), chunk)
+    lower = np.minimum.reduceat(np.minimum(starts, ends), firsts) - inflation[:, None]  # (K, C, 3)
+    upper = np.maximum.reduceat(np.maximum(starts, ends), firsts) + inflation[:, None]
+    wanted = {(min(p), max(p)): p for p in robot.collision_pairs}
+    used = sorted({c for pair in robot.collision_pairs for c in pair})
+    out = defaultdict(list)
+    for first, low, high in zip(firsts.tolist(), lower, upper, strict=True):
+        for i, j in _overlapping(low, high, used):
+            if (i, j) in wanted:
+                out[wanted[i, j]].append(first)
+    return out
+
+
+def _overlapping(lower: Array, upper: Array, used: list[int]) -> Iterator[tuple[int, int]]:
+    """Pairs (i < j) of boxes that overlap, by python-fcl's dynamic AABB tree.
+
+    The tree hands its callback fresh handles of the objects, which tell them apart by their position alone; boxes
+    that share a centre are all reported with it, which adds false alarms and loses nothing.
+    """
+    centres, sides = 0.5 * (lower + upper), upper - lower
+    objects = [fcl.CollisionObject(fcl.Box(*sides[c]), fcl.Transform(centres[c])) for c in used]
+    at: defaultdict[bytes, list[int]] = defaultdict(list)
+    for c in used:
+        at[centres[c].tobytes()].append(c)
+    found: set[tuple[int, int]] = set()
+
+    def report(a: fcl.CollisionObject, b: fcl.CollisionObject, _: None) -> bool:
+        for i in at[a.getTranslation().tobytes()]:
+            for j in at[b.getTranslation().tobytes()]:
+                if i != j:
+                    found.add((min(i, j), max(i, j)))
+        return False
+
+    tree = fcl.DynamicAABBTreeCollisionManager()
+    tree.registerObjects(objects)
+    tree.setup()
+    tree.collide(None, report)
+    yield from found
