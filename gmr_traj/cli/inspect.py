@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -125,14 +125,13 @@ def inspect(
 def inspect_clip(path: Path, clip: Clip, robot: Robot) -> Inspection:
     """Find the artefacts of a clip that was read.
 
-    A contact schedule in the file is taken as it is, and the clip as standing where it should: its ``height`` tells
-    of the raise that was made when it was written.  Without one the contacts are detected.
+    The contact schedule is the file's own where it has one, and is detected otherwise.
 
     Raises:
         ClipError, ScheduleError: where joints or schedule do not fit the robot or the clip.
     """
     motion = clip.motion
-    schedule = contacts.detect(motion, robot) if clip.schedule is None else replace(clip.schedule, height=0.0)
+    schedule = clip.schedule if clip.schedule is not None else contacts.detect(motion, robot)
     observation = observe(motion, robot)
     artefacts = find_artefacts(observation, schedule)
     return Inspection(path, clip, clip_score(artefacts, motion), figures(observation, schedule), artefacts)

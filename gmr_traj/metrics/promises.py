@@ -33,8 +33,8 @@ _SENTENCES = {
     "self_share": "hardly a frame is over 1 mm deep in itself",
     "change_position": "bodies are where the input has them (mean)",
     "change_orientation": "bodies are turned as in the input (mean)",
-    "untouched_mean": "where no fault was, nothing changed (mean)",
-    "untouched_p95": "where no fault was, nothing changed (95 %)",
+    "untouched_mean": "where no fault was, little changed (mean)",
+    "untouched_p95": "where no fault was, little changed (95 %)",
     "frames": "as many frames as the input",
     "rate": "the same frame rate as the input",
 }
