@@ -29,9 +29,8 @@ def folder(kind: str) -> Path:
     for candidate in candidates:
         if candidate.is_dir():
             return candidate
-    raise ResourceError(
-        f"this installation of gmr-traj carries no {kind}: neither {candidates[0]} nor {candidates[1]} exists; reinstall it"
-    )
+    places = " nor ".join(str(candidate) for candidate in candidates)
+    raise ResourceError(f"this installation of gmr-traj carries no {kind}: neither {places} exists; reinstall it")
 
 
 def names(kind: str) -> tuple[str, ...]:

@@ -11,50 +11,72 @@ from gmr_traj.robot_toml import RobotFile
 
 _FREE, _HINGE = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_HINGE)
 _MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
+_PACKAGE = "package://"
 
 
-def load_spec(file: RobotFile) -> mujoco.MjSpec:
-    """Read the model file of a robot, as an editable MuJoCo specification.
+def compile_model(file: RobotFile, keep: frozenset[str] | None = None) -> mujoco.MjModel:
+    """Compile the model file of a robot.
 
-    The world's own shapes (a floor) go; a base without a free joint gets one; shapes that only serve the eye go;
-    a URDF's fixed joints stay bodies of their own, so that their frames keep their names.
+    The world's own shapes (a floor), shapes without contact that carry no mass, and everything that is not a body,
+    joint, shape or site (keyframes, actuators, sensors, tendons, equality constraints) go.  A base without a free
+    joint gets one.  Fixed joints of a URDF stay bodies of their own, so that their frames keep their names.
+
+    Args:
+        file: the robot's figures, which name the model file.
+        keep: hinges to keep; the others are locked at zero.  None keeps all.
 
     Raises:
-        RobotError: the file is missing or not a model, holds more than one robot, or a collision mesh is not found.
+        RobotError: the file is missing or no model, holds more than one robot, names a collision mesh that is not
+            found, or has joints other than one free joint at the base and at most one hinge in every other body.
     """
     if not file.model.is_file():
         raise RobotError(f"{file.path}: model {file.model} does not exist")
     try:
         spec = mujoco.MjSpec.from_file(str(file.model))
     except ValueError as error:
-        raise RobotError(f"{file.model}: MuJoCo cannot read it: {one_line(error)}") from error
+        raise RobotError(f"{file.model}: MuJoCo cannot read it: {_one_line(error)}") from error
     spec.compiler.fusestatic = False
-    for geom in list(spec.worldbody.geoms):
-        spec.delete(geom)
-    roots = spec.worldbody.first_body(), spec.worldbody.next_body(spec.worldbody.first_body())
-    if roots[0] is None:
-        raise RobotError(f"{file.model}: holds no body")
-    if roots[1] is not None:
-        raise RobotError(f"{file.model}: holds more than one tree of bodies ({roots[0].name}, {roots[1].name}); expected one robot")
+    roots = spec.worldbody.bodies
+    if len(roots) != 1:
+        names = ", ".join(body.name for body in roots) or "none"
+        raise RobotError(f"{file.model}: holds {len(roots)} trees of bodies ({names}); expected one robot")
     if not roots[0].joints:
         roots[0].add_freejoint(name="floating_base")
+    _strip(spec)
     _drop_visuals(spec, file)
-    return spec
+    if keep is not None:
+        for joint in list(spec.joints):
+            if int(joint.type) == _HINGE and joint.name not in keep:
+                spec.delete(joint)
+    try:
+        model = spec.compile()
+    except ValueError as error:
+        raise RobotError(f"{file.model}: MuJoCo cannot compile it: {_one_line(error)}") from error
+    _check_joints(file, model)
+    return model
+
+
+def _strip(spec: mujoco.MjSpec) -> None:
+    """Delete what has no part in a motion: keyframes and the like would not survive the locking of a joint."""
+    extras = (spec.keys, spec.sensors, spec.actuators, spec.tendons, spec.equalities, spec.worldbody.geoms)
+    for elements in extras:
+        for element in list(elements):
+            spec.delete(element)
 
 
 def _drop_visuals(spec: mujoco.MjSpec, file: RobotFile) -> None:
-    """Delete geoms without contact and geoms whose mesh is missing; complain about missing collision meshes."""
+    """Delete geoms without contact that carry no mass, and geoms whose mesh is not found."""
+    spec.strippath = False
     missing = {mesh.name for mesh in spec.meshes if mesh.file and not _locate(spec, mesh, file)}
     for geom in list(spec.geoms):
-        solid = bool(geom.contype or geom.conaffinity)
-        is_mesh = int(geom.type) == _MESH
+        solid, is_mesh = bool(geom.contype or geom.conaffinity), int(geom.type) == _MESH
         absent = is_mesh and geom.meshname in missing
         if solid and absent and not file.ignore_missing_meshes:
             raise RobotError(
-                f"{file.model}: body {geom.parent.name}: collision mesh {geom.meshname!r} is not found; "
-                f"name its folder as mesh_folder in {file.path.name}, or set ignore_missing_meshes and list [[capsules]]"
+                f"{file.model}: body {geom.parent.name!r}: collision mesh {geom.meshname!r} is not found; name its "
+                f"folder as mesh_folder in {file.path}, or set ignore_missing_meshes there and list [[capsules]]"
             )
-        if absent or (not solid and (not is_mesh or geom.parent.explicitinertial)):
+        if absent or (not solid and geom.parent.explicitinertial):
             spec.delete(geom)
     for mesh in list(spec.meshes):
         if mesh.name in missing:
@@ -62,39 +84,37 @@ def _drop_visuals(spec: mujoco.MjSpec, file: RobotFile) -> None:
 
 
 def _locate(spec: mujoco.MjSpec, mesh: mujoco.MjsMesh, file: RobotFile) -> bool:
-    """Point a mesh at its file; False where there is none."""
-    relative = Path(mesh.file)
+    """Point a mesh at its file: beside the model, in the mesh folder, or in the package a URDF names."""
     folders = [file.model.parent / spec.meshdir, file.model.parent]
+    relative = mesh.file
+    if relative.startswith(_PACKAGE):
+        package, _, relative = relative.removeprefix(_PACKAGE).partition("/")
+        folders = [folder for folder in file.model.resolve().parents if folder.name == package]
     if file.mesh_folder is not None:
-        folders.insert(0, file.mesh_folder)
-    for folder in folders:
-        if (folder / relative).is_file():
-            mesh.file = str((folder / relative).resolve())
-            return True
-    return False
+        folders += [file.mesh_folder, file.mesh_folder / Path(relative).parent.name]
+    names = (relative, Path(relative).name)
+    found = next((folder / name for folder in folders for name in names if (folder / name).is_file()), None)
+    if found is not None:
+        mesh.file = str(found.resolve())
+    return found is not None
 
 
-def compile_spec(spec: mujoco.MjSpec, file: RobotFile) -> mujoco.MjModel:
-    """Compile a specification and check that it is a floating base with hinges, at most one a body.
-
-    Raises:
-        RobotError: MuJoCo refuses it, or it has another kind of joint.
-    """
-    try:
-        model = spec.compile()
-    except ValueError as error:
-        raise RobotError(f"{file.model}: MuJoCo cannot compile it: {one_line(error)}") from error
+def _check_joints(file: RobotFile, model: mujoco.MjModel) -> None:
+    """One free joint at the base, at most one hinge in every other body, every hinge with a range."""
     for j in range(model.njnt):
-        kind, body = int(model.jnt_type[j]), int(model.jnt_bodyid[j])
+        body, name = int(model.jnt_bodyid[j]), model.joint(j).name
         expected = _FREE if body == 1 else _HINGE
-        if kind != expected or int(model.body_jntnum[body]) != 1:
+        if int(model.jnt_type[j]) != expected or int(model.body_jntnum[body]) != 1:
             raise RobotError(
-                f"{file.model}: joint {model.joint(j).name!r} of body {model.body(body).name!r}: expected one free joint at the "
-                "base and at most one hinge in every other body (no slide or ball joints, no two joints in one body)"
+                f"{file.model}: joint {name!r} of body {model.body(body).name!r}: expected one free joint at the base "
+                "and at most one hinge in every other body (no slide or ball joints, no two joints in one body)"
             )
-    return model
+        low, high = model.jnt_range[j]
+        if j > 0 and not (int(model.jnt_limited[j]) and low < high):
+            raise RobotError(f"{file.model}: joint {name!r} has no range; every hinge needs a lower and an upper limit")
+    if model.njnt < 2:
+        raise RobotError(f"{file.model}: has no hinges; expected a robot with joints")
 
 
-def one_line(error: Exception) -> str:
-    """An error's message without line breaks."""
+def _one_line(error: Exception) -> str:
     return " ".join(str(error).split())

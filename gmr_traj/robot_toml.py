@@ -1,21 +1,55 @@
-"""Reading robot.toml: the figures of a robot that its model file does not hold, checked field by field."""
+"""Reading robot.toml: the figures of a robot that its model file does not hold.
+
+The fields:
+
+    name = "..."                    # the robot's name, which clips carry
+    model = "robot.xml"             # MJCF or URDF, relative to this file
+    anchor_body = "..."             # the body by which tracking is judged
+    mesh_folder = "..."             # optional: where the model's meshes are
+    ignore_missing_meshes = false   # optional: go on without collision meshes that are not found
+
+    [[joints]]                      # every joint in exactly one entry; names may use * and ?
+    names = ["*_knee_joint"]
+    velocity, acceleration, effort  # limits [rad/s], [rad/s^2], [N m], above zero
+    stiffness, damping              # PD gains [N m/rad], [N m s/rad]
+
+    [nominal]                       # a natural standing configuration [rad]; zero where a joint is not named
+    "*_knee_joint" = 0.6
+
+    [[key_bodies]]                  # bodies that describe the motion
+    bodies = ["pelvis"]
+    position_weight, orientation_weight     # optional, 1
+
+    [[soles]]                       # name, body, toe, heel: contact points [m] in the body's frame
+    outline                         # optional: more points that must stay above the floor
+
+    [[capsules]]                    # optional: name, body, start, end (optional), radius [m]; these replace the
+                                    # model's own shapes of that body
+
+    [collision]
+    ignore_within_joints = 2        # bodies at most so many joints apart may overlap
+    [[collision.ignore]]            # bodies = ["a", "b"] that may overlap, reason = "why that is right"
+"""
 
 from __future__ import annotations
 
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from gmr_traj.exceptions import RobotError
 from gmr_traj.robot import Capsule, Sole
+from gmr_traj.toml_table import Table
+
+# Sole points may be off their common plane by this much [m].
+_PLANE_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True)
 class JointFigures:
-    """Limits and gains shared by the joints whose names match one of ``patterns`` (``*`` and ``?`` allowed)."""
+    """Limits and gains shared by the joints whose names match one of ``patterns``."""
 
     patterns: tuple[str, ...]
     velocity: float
@@ -44,7 +78,7 @@ class IgnoredPair:
 
 @dataclass(frozen=True)
 class RobotFile:
-    """The content of one robot.toml, before it is held against the model."""
+    """The content of one robot.toml, before it is held against the model; see the module's text for the fields."""
 
     path: Path
     name: str
@@ -61,104 +95,21 @@ class RobotFile:
     ignored_pairs: tuple[IgnoredPair, ...]
 
 
-class Table:
-    """One TOML table with typed getters; every complaint names the file and the field."""
-
-    def __init__(self, path: Path, where: str, values: Any) -> None:
-        self.path, self.where = path, where
-        if not isinstance(values, dict):
-            raise self.error(f"is {values!r}; expected a table")
-        self.values: dict[str, Any] = values
-        self._seen: set[str] = set()
-
-    def error(self, text: str) -> RobotError:
-        """The error to raise about this table."""
-        return RobotError(f"{self.path}: {self.where} {text}" if self.where else f"{self.path}: {text}")
-
-    def get(self, key: str, default: Any = None, required: bool = True) -> Any:
-        """The raw value of a field."""
-        self._seen.add(key)
-        if key not in self.values:
-            if required:
-                raise self.error(f"has no {key!r}" if self.where else f"has no {key!r}; every robot.toml needs one")
-            return default
-        return self.values[key]
-
-    def text(self, key: str, default: str | None = None) -> str:
-        """A string that is not empty."""
-        value = self.get(key, default, required=default is None)
-        if not isinstance(value, str) or (not value and default is None):
-            raise self.error(f"{key} is {value!r}; expected a name")
-        return value
-
-    def texts(self, key: str) -> tuple[str, ...]:
-        """A list of strings, at least one."""
-        value = self.get(key)
-        if not isinstance(value, list) or not value or not all(isinstance(v, str) and v for v in value):
-            raise self.error(f"{key} is {value!r}; expected a list of names")
-        return tuple(value)
-
-    def number(self, key: str, default: float | None = None, lowest: float = 0.0, open_end: bool = True) -> float:
-        """A finite number above ``lowest`` (or equal to it where not ``open_end``)."""
-        value = self.get(key, default, required=default is None)
-        ok = isinstance(value, (int, float)) and not isinstance(value, bool) and np.isfinite(value)
-        if not ok or value < lowest or (open_end and value == lowest):
-            raise self.error(f"{key} is {value!r}; expected a number {'above' if open_end else 'of at least'} {lowest:g}")
-        return float(value)
-
-    def flag(self, key: str, default: bool) -> bool:
-        """True or false."""
-        value = self.get(key, default, required=False)
-        if not isinstance(value, bool):
-            raise self.error(f"{key} is {value!r}; expected true or false")
-        return value
-
-    def points(self, key: str, required: bool = True) -> np.ndarray:
-        """A list of points [m].  # (K, 3)"""
-        value = self.get(key, [], required)
-        try:
-            array = np.array(value, dtype=float).reshape(-1, 3) if value == [] else np.array(value, dtype=float)
-        except (TypeError, ValueError):
-            array = np.empty(0)
-        if array.ndim != 2 or array.shape[1] != 3 or not np.isfinite(array).all() or (required and len(array) == 0):
-            raise self.error(f"{key} is {value!r}; expected a list of points [x, y, z] in metres")
-        return array
-
-    def point(self, key: str) -> np.ndarray:
-        """One point [m].  # (3,)"""
-        return Table(self.path, self.where, {key: [self.get(key)]}).points(key)[0]
-
-    def tables(self, key: str, required: bool = True) -> list[Table]:
-        """An array of tables."""
-        value = self.get(key, [], required)
-        if not isinstance(value, list) or (required and not value):
-            raise self.error(f"{key} is {value!r}; expected [[{key}]] entries")
-        return [Table(self.path, f"[[{key}]] entry {i + 1}:", v) for i, v in enumerate(value)]
-
-    def done(self) -> None:
-        """Complain about fields that mean nothing: most likely a typing mistake."""
-        unknown = sorted(set(self.values) - self._seen)
-        if unknown:
-            raise self.error(f"has the unknown field {unknown[0]!r}; the fields are {', '.join(sorted(self._seen))}")
-
-
 def read_robot_toml(path: Path) -> RobotFile:
     """Read a robot.toml.
 
     Raises:
-        RobotError: the file cannot be read, is not TOML, or has a field that is missing, unknown or of the wrong kind.
+        RobotError: the file cannot be read, is not TOML, or a field is missing, unknown or of the wrong kind.
     """
     try:
         values = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise RobotError(f"{path}: cannot be read ({error.strerror})") from error
+        raise RobotError(f"{path}: cannot be read: {error.strerror}") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise RobotError(f"{path}: is not valid TOML: {error}") from error
-    top = Table(path, "", values)
-    nominal = Table(path, "[nominal]", top.get("nominal"))
-    collision = Table(path, "[collision]", top.get("collision", {}, required=False))
+    top = Table(path, "", values, RobotError)
+    nominal, collision = top.table("nominal"), top.table("collision", required=False)
     mesh_folder = top.text("mesh_folder", "")
-    within = collision.number("ignore_within_joints", 2.0, open_end=False)
     file = RobotFile(
         path=path,
         name=top.text("name"),
@@ -167,30 +118,33 @@ def read_robot_toml(path: Path) -> RobotFile:
         ignore_missing_meshes=top.flag("ignore_missing_meshes", False),
         anchor_body=top.text("anchor_body"),
         joints=tuple(_joint(t) for t in top.tables("joints")),
-        nominal={key: nominal.number(key, lowest=-np.inf) for key in nominal.values},
+        nominal={key: nominal.number(key) for key in nominal.values},
         key_bodies=tuple(_key_body(t) for t in top.tables("key_bodies")),
         soles=tuple(_sole(t) for t in top.tables("soles")),
         capsules=tuple(_capsule(t) for t in top.tables("capsules", required=False)),
-        ignore_within_joints=int(within),
+        ignore_within_joints=collision.count("ignore_within_joints", 2),
         ignored_pairs=tuple(_ignored(t) for t in collision.tables("ignore", required=False)),
     )
     collision.done()
     top.done()
+    names = [sole.name for sole in file.soles]
+    if len(set(names)) != len(names):
+        raise RobotError(f"{path}: two [[soles]] have the same name; their names are {', '.join(names)}")
     return file
 
 
 def _joint(table: Table) -> JointFigures:
     figures = JointFigures(
         table.texts("names"),
-        *(table.number(key) for key in ("velocity", "acceleration", "effort")),
-        *(table.number(key, open_end=False) for key in ("stiffness", "damping")),
+        *(table.number(key, above=0.0) for key in ("velocity", "acceleration", "effort")),
+        *(table.weight(key) for key in ("stiffness", "damping")),
     )
     table.done()
     return figures
 
 
 def _key_body(table: Table) -> KeyBodyFigures:
-    weights = [table.number(key, 1.0, open_end=False) for key in ("position_weight", "orientation_weight")]
+    weights = [table.weight(key, 1.0) for key in ("position_weight", "orientation_weight")]
     figures = KeyBodyFigures(table.texts("bodies"), *weights)
     table.done()
     return figures
@@ -198,25 +152,25 @@ def _key_body(table: Table) -> KeyBodyFigures:
 
 def _sole(table: Table) -> Sole:
     toe, heel = table.points("toe"), table.points("heel")
+    outline = table.points("outline", required=False)
     points = np.vstack([toe, heel])
-    plane = np.linalg.svd(points - points.mean(axis=0))[1]
-    if len(points) > 3 and plane[2] > 1e-6:
-        raise table.error("toe and heel points are not in one plane")
-    sole = Sole(
-        name=table.text("name"),
-        body=table.text("body"),
-        points=_frozen(points),
-        parts=("toe",) * len(toe) + ("heel",) * len(heel),
-        outline=_frozen(table.points("outline", required=False)),
-    )
+    # The smallest singular value of the centred points is their scatter off the best plane.
+    if len(points) > 3 and np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[2] > _PLANE_TOLERANCE:
+        raise table.error("has toe and heel points that are not in one plane")
+    for array in (points, outline):
+        array.setflags(write=False)
+    parts = ("toe",) * len(toe) + ("heel",) * len(heel)
+    sole = Sole(table.text("name"), table.text("body"), points, parts, outline)
     table.done()
     return sole
 
 
 def _capsule(table: Table) -> Capsule:
     start = table.point("start")
-    end = table.point("end") if "end" in table.values else start
-    capsule = Capsule(table.text("name"), table.text("body"), _frozen(start), _frozen(end), table.number("radius"))
+    end = table.point("end") if "end" in table.values else start.copy()
+    for array in (start, end):
+        array.setflags(write=False)
+    capsule = Capsule(table.text("name"), table.text("body"), start, end, table.number("radius", above=0.0))
     table.done()
     return capsule
 
@@ -228,9 +182,3 @@ def _ignored(table: Table) -> IgnoredPair:
     pair = IgnoredPair((bodies[0], bodies[1]), table.text("reason"))
     table.done()
     return pair
-
-
-def _frozen(array: np.ndarray) -> np.ndarray:
-    array = np.array(array, dtype=float)
-    array.setflags(write=False)
-    return array

@@ -67,14 +67,14 @@ def to_mujoco(q: np.ndarray, v: np.ndarray) -> np.ndarray:
 
 
 def base_rotation(q: np.ndarray) -> np.ndarray:
-    """Rotation matrix of the base in the world.  # (3, 3)"""
+    """Rotation matrix of the base in the world, ``(3, 3)``."""
     matrix = np.empty(9)
     mujoco.mju_quat2Mat(matrix, np.asarray(q[3:7], dtype=float))
     return matrix.reshape(3, 3)
 
 
 def integrate(robot: Robot, q: np.ndarray, v: np.ndarray, dt: float = 1.0) -> np.ndarray:
-    """Configuration reached from ``q`` along the constant tangent ``v`` (our convention) after ``dt`` [s].  # (7 + n,)"""
+    """Configuration, ``(7 + n,)``, reached from ``q`` along the constant tangent ``v`` in ``dt`` [s]."""
     out = np.array(q, dtype=float)
     mujoco.mj_integratePos(robot.model, out, to_mujoco(q, v), dt)
     return out
