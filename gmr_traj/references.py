@@ -1,0 +1,71 @@
+"""Where the bodies of the robot should be: the desired motion a retargeter hands over with its clip."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gmr_traj.exceptions import ClipError
+
+
+@dataclass(frozen=True)
+class BodyTargets:
+    """Desired world placements of some bodies, one a frame.
+
+    Attributes:
+        names: names of the bodies.  # B
+        positions: desired positions of the bodies' origins [m], read-only.  # (T, B, 3)
+        quaternions: desired orientations, unit, wxyz, read-only.  # (T, B, 4)
+        position_weights, orientation_weights: relative importance, 1 is typical, 0 leaves it free.  # (B,)
+
+    Raises:
+        ClipError: on repeated names, a wrong shape, a value that is not finite, a quaternion that is not of unit
+            length (to 1e-3; closer ones are normalised), or a negative weight.
+    """
+
+    names: tuple[str, ...]
+    positions: np.ndarray
+    quaternions: np.ndarray
+    position_weights: np.ndarray
+    orientation_weights: np.ndarray
+
+    def __post_init__(self) -> None:
+        names = tuple(self.names)
+        bodies = len(names)
+        if len(set(names)) != bodies:
+            raise ClipError(f"references: body {next(n for n in names if names.count(n) > 1)!r} is named twice")
+        frames = len(self.positions) if np.ndim(self.positions) else 0
+        shapes = {
+            "positions": (frames, bodies, 3),
+            "quaternions": (frames, bodies, 4),
+            "position_weights": (bodies,),
+            "orientation_weights": (bodies,),
+        }
+        for field, shape in shapes.items():
+            value = np.array(getattr(self, field), dtype=np.float64)
+            if value.shape != shape:
+                raise ClipError(f"references: {field} has shape {value.shape}; expected {shape}")
+            if not np.isfinite(value).all():
+                raise ClipError(f"references: {field} has values that are not finite")
+            if field.endswith("weights") and (value < 0).any():
+                raise ClipError(
+                    f"references: {field} of {names[int(value.argmin())]!r} is negative; 0 leaves a body free"
+                )
+            if field == "quaternions":
+                norm = np.linalg.norm(value, axis=-1)
+                off = np.argwhere(np.abs(norm - 1.0) > 1e-3)
+                if off.size:
+                    t, b = off[0]
+                    raise ClipError(
+                        f"references: frame {t}: quaternion of {names[b]!r} has length {norm[t, b]:.4f}, not 1"
+                    )
+                value /= norm[..., None]
+            value.setflags(write=False)
+            object.__setattr__(self, field, value)
+        object.__setattr__(self, "names", names)
+
+    @property
+    def frames(self) -> int:
+        """Number of frames T."""
+        return len(self.positions)
