@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -174,7 +175,9 @@ def _print_report(inspection: Inspection, top: int) -> None:
 
 def _print_ranking(found: list[Inspection], top: int) -> None:
     console = _console()
-    rows = [(str(i.path), i.score, i.figures, i.artefacts) for i in found[:top]]
+    home = Path(os.path.commonpath([i.path.absolute().parent for i in found]))
+    rows = [(str(i.path.absolute().relative_to(home)), i.score, i.figures, i.artefacts) for i in found[:top]]
+    console.print(f"[bold]{escape(str(home))}[/bold]: {len(found)} clips, the worst first")
     console.print(tables.ranking(rows))
     if len(found) > top:
         console.print(f"... and {len(found) - top} better ones (--top {len(found)} lists all)", style="dim")

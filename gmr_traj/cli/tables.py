@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
+from rich.console import JustifyMethod
 from rich.markup import escape
 from rich.table import Table
 
@@ -91,7 +92,9 @@ def ranking(clips: Iterable[tuple[str, float, Figures, Sequence[Artefact]]]) -> 
 
 
 def number(value: float) -> str:
-    """Three significant digits, no exponent: 0.0123, 4.56, 78.9, 1235."""
+    """Three significant digits: 0.0123, 4.56, 78.9, 1235; rounding errors are 0."""
+    if abs(value) < 1e-9:
+        return "0"
     if float(value).is_integer() or abs(value) >= 100.0:
         return f"{value:.0f}"
     if abs(value) < 1e-4:
@@ -104,7 +107,8 @@ def _table(*columns: str) -> Table:
     table = Table(box=None, pad_edge=False, show_edge=False, header_style="bold")
     for name in columns:
         right = name.startswith(">")
-        table.add_column(escape(name.removeprefix(">")), justify="right" if right else "left", no_wrap=right)
+        side: JustifyMethod = "right" if right else "left"
+        table.add_column(escape(name.removeprefix(">")), justify=side, no_wrap=right, overflow="fold")
     return table
 
 
