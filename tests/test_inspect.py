@@ -16,14 +16,13 @@ from gmr_traj.exceptions import ClipError, GmrTrajError
 from gmr_traj.metrics import certify
 from gmr_traj.motion import RobotMotion
 from gmr_traj.robot import Robot
-from gmr_traj.robot_loading import load_robot
 
 FRAMES, FPS = 90, 30.0
 
 
-@pytest.fixture(scope="module")
-def robot() -> Robot:
-    return load_robot("unitree_g1")
+@pytest.fixture
+def robot(g1: Robot) -> Robot:
+    return g1
 
 
 def standing(robot: Robot, jump: float = 0.0) -> RobotMotion:
