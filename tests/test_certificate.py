@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -249,3 +250,11 @@ def test_errors_are_those_of_the_clip_and_the_schedule():
     with pytest.raises(ClipError, match="2 joints"):
         other = type(clip(swinging()))(swinging()[:, :9], FPS, ("left_hip", "right_hip"), "toy")
         certify(clip(swinging()), other, ROBOT, both_feet(FRAMES), levelling=0.0)
+
+
+def test_a_robot_without_an_upper_body():
+    legs = replace(ROBOT, key_bodies=ROBOT.key_bodies[:3])
+    found = {
+        p.name: p for p in certify(clip(swinging()), clip(swinging()), legs, both_feet(FRAMES), levelling=0.0).promises
+    }
+    assert found["untouched_mean"].where == "every key body carries a foot"

@@ -103,7 +103,7 @@ def untouched_promises(
     """What had no fault stays as it was: the upper body, seen from the base, in frames away from any artefact.
 
     Frames within ``margin`` of an artefact of the input are left out, but for the feet's own artefacts, which do not
-    excuse the upper body.  Where no frame is left the values are 0 and ``where`` says so.
+    excuse the upper body.  Where no frame or no body is left the values are 0 and ``where`` says so.
 
     Args:
         before: the input, raised to the floor.
@@ -117,6 +117,8 @@ def untouched_promises(
     clean = ~near(touched, before.motion.frames, margin)[: len(moved)]
     sample = moved[clean]
     mean, p95, where = 0.0, 0.0, f"no frame is {bars('untouched', 'margin'):g} s from any artefact"
+    if not bodies:
+        where = "every key body carries a foot"
     if sample.size:
         mean, p95 = float(sample.mean()), float(np.quantile(sample, 0.95))
         where = f"{bodies[int(sample.mean(axis=0).argmax())]}, over {int(clean.sum())} frames"
