@@ -8,21 +8,21 @@ millimetres.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import product
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gmr_traj.exceptions import ClipError
-from gmr_traj.formats.tree_order import breadth_first_bodies, breadth_first_joints
+from gmr_traj.formats.tree_order import breadth_first_bodies, breadth_first_joints, moving_bodies
 from gmr_traj.kinematics.mujoco_kinematics import placements
 from gmr_traj.robot import Robot
 
 _SAMPLES = 48
 _RADIUS = 0.1  # an orientation error of one radian counts like 0.1 m of position
 _FOUND = 0.03  # bodies of other descriptions of the same robot are up to 10 mm elsewhere [m]
-_WORDS = {"mjlab": "depth-first", "beyondmimic": "breadth-first"}
-_APART = 0.01  # a second reading this close to the best one leaves the order of joints open [m]
+_APART = 0.01  # a second reading this close to the best one fits as well [m]
+_ORDERS = {"mjlab": "depth-first", "beyondmimic": "breadth-first"}
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class BodyMatch:
     Attributes:
         format: ``mjlab`` (depth first) or ``beyondmimic`` (breadth first).
         joint_names: the file's joints in its order.  # n
-        known: index in the file of each body of the robot.
+        known: index in the file of each body of the robot that moves against its parent.
         base: index in the file of the base.
         order: order of the file's quaternions, ``wxyz`` or ``xyzw``.
         residual: largest median distance of a body of the robot from the file's [m].
@@ -62,47 +62,35 @@ def match_bodies(
         ClipError: no reading fits, or the file mixes the two orders.
     """
     every = np.unique(np.linspace(0, len(joints) - 1, _SAMPLES).astype(int))
-    points = positions[every]
-    readings = [
-        _read(robot, names, joints[every], points, quaternions[every], order, base)
-        for order in orders
-        for base in range(min(2, points.shape[1]))  # some files list the world first
-        for names in dict.fromkeys((robot.joint_names, breadth_first_joints(robot)))
-    ]
-    best = min(readings, key=lambda r: r.residual)
+    joint_names = {"mjlab": robot.joint_names, "beyondmimic": breadth_first_joints(robot)}
+    moving = moving_bodies(robot)
+    listed = {"mjlab": robot.body_names, "beyondmimic": breadth_first_bodies(robot)}
+    body_names = {key: [name for name in bodies if name in moving] for key, bodies in listed.items()}
+    readings = []
+    for order, base, of_joints in product(orders, range(min(2, positions.shape[1])), _ORDERS):  # the world may be first
+        cost = _cost(robot, joint_names[of_joints], joints[every], positions[every], quaternions[every], order, base)
+        for of_bodies in _ORDERS:
+            rows = [robot.body_names.index(name) for name in body_names[of_bodies]]
+            columns, residual = _in_order(cost[rows])
+            known = dict(zip(body_names[of_bodies], columns, strict=True))
+            readings.append((of_joints, BodyMatch(of_bodies, joint_names[of_joints], known, base, order, residual)))
+    of_joints, best = min(readings, key=lambda r: r[1].residual)
     if best.residual > _FOUND:
         raise ClipError(
             f"body_pos_w does not belong to joint_pos: with the joints of {robot.name} depth first or breadth first, a "
             f"body is {best.residual * 1000:.0f} mm from where forward kinematics has it; is it another robot or order?"
         )
-    # Where both orders of joints fit (a clip at zero, say), the joints are read in the order the bodies have.
-    order = _order_of_bodies(robot, best)
-    fitting = [
-        r
-        for r in readings
-        if r.residual < best.residual + _APART
-        and (r.order, r.base) == (best.order, best.base)
-        and _order_of_joints(robot, r) == order
-    ]
-    if not fitting:
-        raise ClipError(
-            f"the joints are in {_WORDS[_order_of_joints(robot, best)]} order but the bodies in {_WORDS[order]} order; "
-            "trainers expect one order for both: convert the clip anew from its source"
-        )
-    reading = fitting[0]
-    return BodyMatch(order, reading.joint_names, reading.known, reading.base, reading.order, reading.residual)
+    # Where both orders of joints fit (a clip at zero, say), the joints have the order that the bodies have.
+    for joints_order, match in sorted(readings, key=lambda r: r[1].residual):
+        if joints_order == match.format and match.residual < best.residual + _APART:
+            return match
+    raise ClipError(
+        f"the joints are in {_ORDERS[of_joints]} order but the bodies in {_ORDERS[best.format]} order; trainers expect "
+        "one order for both: convert the clip anew from its source"
+    )
 
 
-@dataclass(frozen=True)
-class _Reading:
-    joint_names: tuple[str, ...]
-    order: str
-    base: int
-    known: dict[str, int]
-    residual: float
-
-
-def _read(
+def _cost(
     robot: Robot,
     joint_names: tuple[str, ...],
     joints: np.ndarray,
@@ -110,8 +98,8 @@ def _read(
     quaternions: np.ndarray,
     order: str,
     base: int,
-) -> _Reading:
-    """Forward kinematics under one reading, each body of the robot given to the file's body it is nearest to."""
+) -> np.ndarray:
+    """Median distance of each of the robot's bodies, by forward kinematics, from each of the file's (B, F)."""
     turns = Rotation.from_quat(quaternions.reshape(-1, 4), scalar_first=order == "wxyz").as_matrix()
     turns = turns.reshape(*quaternions.shape[:2], 3, 3)
     qpos = np.zeros((len(joints), 7 + robot.dof))
@@ -121,18 +109,26 @@ def _read(
     positions, rotations = placements(robot, qpos)
     apart = np.linalg.norm(positions[:, :, None] - points[:, None], axis=-1)  # (T, B, F)
     turned = np.linalg.norm(rotations[:, :, None] - turns[:, None], axis=(-2, -1)) / np.sqrt(2.0)
-    cost = np.median(apart + _RADIUS * turned, axis=0)  # (B, F)
-    nearest = cost.argmin(axis=1)
-    known = {name: int(f) for name, f in zip(robot.body_names, nearest, strict=True)}
-    return _Reading(joint_names, order, base, known, float(cost.min(axis=1).max()))
+    return np.asarray(np.median(apart + _RADIUS * turned, axis=0))
 
 
-def _order_of_bodies(robot: Robot, reading: _Reading) -> str:
-    for name, bodies in (("mjlab", robot.body_names), ("beyondmimic", breadth_first_bodies(robot))):
-        if all(reading.known[a] < reading.known[b] for a, b in pairwise(bodies)):
-            return name
-    raise ClipError("the file's bodies are neither in depth-first nor in breadth-first order")
+def _in_order(cost: np.ndarray) -> tuple[list[int], float]:
+    """Columns for the rows, increasing from row to row, of the smallest sum of costs; and the largest of these costs.
 
+    Files may list bodies the robot lacks, so columns can be left out:
 
-def _order_of_joints(robot: Robot, reading: _Reading) -> str:
-    return "mjlab" if reading.joint_names == robot.joint_names else "beyondmimic"
+        best[b, f] = cost[b, f] + min_{g < f} best[b - 1, g]
+    """
+    rows, columns = cost.shape
+    best = np.full((rows, columns), np.inf)
+    came = np.zeros((rows, columns), dtype=int)
+    best[0] = cost[0]
+    for b in range(1, rows):
+        for f in range(b, columns):
+            came[b, f] = int(np.argmin(best[b - 1, :f]))
+            best[b, f] = cost[b, f] + best[b - 1, came[b, f]]
+    chosen = [int(np.argmin(best[-1]))]
+    for b in range(rows - 1, 0, -1):
+        chosen.append(int(came[b, chosen[-1]]))
+    chosen.reverse()
+    return chosen, float(cost[np.arange(rows), chosen].max())

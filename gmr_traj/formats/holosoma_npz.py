@@ -22,6 +22,7 @@ from gmr_traj.formats.clip import Clip
 from gmr_traj.formats.decide import joint_sets, joints_of, reduced
 from gmr_traj.formats.fields import further, like, like_fps
 from gmr_traj.formats.raw import RawMotion, names, table
+from gmr_traj.formats.tree_order import moving_bodies
 from gmr_traj.formats.units import unit_quaternions
 from gmr_traj.robot import Robot
 
@@ -178,12 +179,11 @@ def _layout(content: Mapping[str, np.ndarray], robot: Robot, frames: int) -> Bod
     listed = names(content.get("body_names"), "body_names")
     positions = table(content["body_pos_w"], "body_pos_w", len(listed), 3)
     turns = table(content["body_quat_w"], "body_quat_w", len(listed), 4)
-    missing = [name for name in robot.body_names if name not in listed]
+    missing = moving_bodies(robot) - set(listed)
     if missing:
-        raise ClipError(f"body_names has no {missing[0]!r}, a body of {robot.name}")
+        raise ClipError(f"body_names has no {min(missing)!r}, a body of {robot.name}")
     if not len(positions) == len(turns) == frames or not frames:
         raise ClipError(f"joint_pos has {frames} frames, body_pos_w {len(positions)}, body_quat_w {len(turns)}")
     flat, _ = unit_quaternions(turns.reshape(-1, 4))
-    return tracking_npz.file_layout(
-        robot, {name: listed.index(name) for name in robot.body_names}, positions, flat.reshape(turns.shape)
-    )
+    known = {name: listed.index(name) for name in robot.body_names if name in listed}
+    return tracking_npz.file_layout(robot, known, positions, flat.reshape(turns.shape))

@@ -20,7 +20,7 @@ from gmr_traj.formats.body_velocities import body_velocities, finite_differences
 from gmr_traj.formats.clip import Clip
 from gmr_traj.formats.fields import further, like, like_fps
 from gmr_traj.formats.raw import RawMotion, table
-from gmr_traj.formats.tree_order import breadth_first_bodies, breadth_first_joints
+from gmr_traj.formats.tree_order import breadth_first_bodies, breadth_first_joints, moving_bodies
 from gmr_traj.formats.units import continuous, unit_quaternions
 from gmr_traj.kinematics.mujoco_kinematics import placements
 from gmr_traj.robot import Robot
@@ -55,8 +55,8 @@ def read(content: Mapping[str, np.ndarray], robot: Robot, name: str | None, quat
     turns = table(content["body_quat_w"], "body_quat_w", count, 4)
     if not len(joints) == len(positions) == len(turns) or not len(joints):
         raise ClipError(f"joint_pos has {len(joints)} frames, body_pos_w {len(positions)}, body_quat_w {len(turns)}")
-    if count < len(robot.body_names):
-        raise ClipError(f"the file has {count} bodies; {robot.name} has {len(robot.body_names)}")
+    if count < len(moving_bodies(robot)):
+        raise ClipError(f"the file has {count} bodies; {robot.name} has {len(moving_bodies(robot))} that move")
     flat, unit_notes = unit_quaternions(turns.reshape(-1, 4))
     turns = flat.reshape(turns.shape)
     match = match_bodies(robot, joints, positions, turns, (quaternion,) if quaternion else ("wxyz", "xyzw"))
@@ -127,7 +127,7 @@ def file_layout(robot: Robot, known: dict[str, int], positions: np.ndarray, turn
 
     Args:
         robot: the robot.
-        known: where in the file each of its bodies is.
+        known: where in the file its bodies are, at least those that move against their parents.
         positions: origins of the file's bodies [m].  # (T, F, 3)
         turns: their unit quaternions wxyz.  # (T, F, 4)
 
@@ -136,8 +136,8 @@ def file_layout(robot: Robot, known: dict[str, int], positions: np.ndarray, turn
     """
     flat = Rotation.from_quat(turns.reshape(-1, 4), scalar_first=True).as_matrix()
     rotations = flat.reshape(*turns.shape[:2], 3, 3)
-    in_file = np.array([known[name] for name in robot.body_names])
-    layout = attach(robot.body_names, known, positions, rotations, (positions[:, in_file], rotations[:, in_file]))
+    in_file = list(known.values())
+    layout = attach(tuple(known), known, positions, rotations, (positions[:, in_file], rotations[:, in_file]))
     if layout.residuals.max() > _FIXED:
         worst = int(layout.residuals.argmax())
         raise ClipError(

@@ -26,6 +26,11 @@ def breadth_first_bodies(robot: Robot) -> tuple[str, ...]:
     return tuple(robot.body_names[body - 1] for body in found)
 
 
+def moving_bodies(robot: Robot) -> frozenset[str]:
+    """The base and the bodies that a joint moves; the others are fixed to these, and importers may merge them."""
+    return frozenset(robot.body_names[int(body) - 1] for body in robot.model.jnt_bodyid)
+
+
 def breadth_first_joints(robot: Robot) -> tuple[str, ...]:
     """Joints in the breadth-first order of the bodies they move."""
     bodies = [robot.body_names[int(body) - 1] for body in robot.model.jnt_bodyid[1:]]

@@ -41,7 +41,7 @@ def unit_quaternions(quaternion: np.ndarray) -> tuple[np.ndarray, tuple[str, ...
 
 
 def continuous(quaternions: np.ndarray) -> np.ndarray:
-    """The same orientations without a change of sign from one frame to the next.  # (T, ..., 4)"""
+    """The same orientations without a change of sign from one frame to the next."""
     products = np.sum(quaternions[1:] * quaternions[:-1], axis=-1)
     signs = np.cumprod(np.where(products < 0, -1.0, 1.0), axis=0)
     return np.concatenate([quaternions[:1], quaternions[1:] * signs[..., None]])
