@@ -90,7 +90,7 @@ def cover_points(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
         points: at least one point [m].  # (K, 3)
     """
     centre = points.mean(axis=0)
-    axes = np.linalg.svd(points - centre, full_matrices=True)[2]  # rows
+    axes = np.linalg.eigh((points - centre).T @ (points - centre))[1].T  # rows
     along = (points - centre) @ axes.T  # (K, 3)
     middle = (along.min(axis=0) + along.max(axis=0)) / 2
     best: tuple[float, np.ndarray, np.ndarray, float] | None = None
