@@ -90,7 +90,7 @@ def test_round_trip(name: str, g1: Robot, tmp_path: Path) -> None:
 def test_same_clip_same_bytes(name: str, g1: Robot, tmp_path: Path) -> None:
     path, _ = make(name, g1, tmp_path)
     for out in ("a", "b"):
-        write_clip(read_clip(path, g1), tmp_path / out)
+        write_clip(read_clip(path, g1), tmp_path / out, robot=g1)
     assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
 
 
@@ -99,10 +99,10 @@ def test_conversion(name: str, target: str, g1: Robot, tmp_path: Path) -> None:
     """There and back again, and what arrives is a file of the target format."""
     path, _ = make(name, g1, tmp_path)
     clip = read_clip(path, g1)
-    write_clip(clip, tmp_path / "there", format=target)
+    write_clip(clip, tmp_path / "there", format=target, robot=g1)
     there = read_clip(tmp_path / "there", g1, fps=clip.motion.fps)
     assert there.format == target
-    write_clip(there, tmp_path / "back", format=name)
+    write_clip(there, tmp_path / "back", format=name, robot=g1)
     back = read_clip(tmp_path / "back", g1, fps=clip.motion.fps)
     assert back.format == name
     single = {"mjlab", "beyondmimic", "phc"}
@@ -114,7 +114,7 @@ def test_a_changed_motion_is_written(name: str, g1: Robot, tmp_path: Path) -> No
     path, _ = make(name, g1, tmp_path)
     clip = read_clip(path, g1)
     changed = squats(g1, heading=0.5)
-    write_clip(clip.with_motion(clip.motion.with_qpos(changed)), tmp_path / "out")
+    write_clip(clip.with_motion(clip.motion.with_qpos(changed)), tmp_path / "out", robot=g1)
     expected, _ = make(name, g1, tmp_path / "..", heading=0.5)
     got, want = read_clip(tmp_path / "out", g1), read_clip(expected, g1)
     assert same_configurations(got.motion.qpos, want.motion.qpos) < FILES[name][2]

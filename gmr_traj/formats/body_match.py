@@ -124,9 +124,10 @@ def _in_order(cost: np.ndarray) -> tuple[list[int], float]:
     came = np.zeros((rows, columns), dtype=int)
     best[0] = cost[0]
     for b in range(1, rows):
-        for f in range(b, columns):
-            came[b, f] = int(np.argmin(best[b - 1, :f]))
-            best[b, f] = cost[b, f] + best[b - 1, came[b, f]]
+        smallest = np.minimum.accumulate(best[b - 1])
+        is_new = np.concatenate([[True], best[b - 1, 1:] < smallest[:-1]])
+        came[b, 1:] = np.maximum.accumulate(np.where(is_new, np.arange(columns), 0))[:-1]
+        best[b, 1:] = cost[b, 1:] + smallest[:-1]
     chosen = [int(np.argmin(best[-1]))]
     for b in range(rows - 1, 0, -1):
         chosen.append(int(came[b, chosen[-1]]))

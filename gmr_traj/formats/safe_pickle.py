@@ -114,15 +114,10 @@ def _set_dtype_state(dtype: np.dtype[Any], state: Any) -> None:
     """Byte order; the rest of the state must say what the type already is (anything else could corrupt memory)."""
     if not isinstance(state, tuple) or len(state) != 8 or state[0] != 3 or state[1] not in ("<", ">", "|", "="):
         raise pickle.UnpicklingError("state of a numeric type")
-    flexible = dtype.kind in "SU"
-    if (
-        state[2:5] != (None, None, None)
-        or state[7] != 0
-        or (state[5] != dtype.itemsize if flexible else state[5:7] != (-1, -1))
-    ):
+    sizes = (dtype.itemsize, dtype.alignment) if dtype.kind in "SU" else (-1, -1)
+    if state[2:] != (None, None, None, *sizes, dtype.flags):
         raise pickle.UnpicklingError("state of a numeric type")
-    size = (dtype.itemsize, dtype.alignment) if flexible else (-1, -1)
-    dtype.__setstate__((3, state[1], None, None, None, *size, 0))  # type: ignore[attr-defined]
+    dtype.__setstate__((3, *state[1:]))  # type: ignore[attr-defined]
 
 
 def _reconstruct(kind: Any, *_: Any) -> np.ndarray:
@@ -161,7 +156,7 @@ def _scalar(dtype: Any, raw: Any) -> Any:
     if not isinstance(raw, bytes):
         raise pickle.UnpicklingError("bytes of a scalar")
     _check_size((), dtype, len(raw))
-    return np.frombuffer(raw, dtype, 1)[0]
+    return np.frombuffer(raw, dtype, 1)[0] if raw else dtype.type()  # an empty text takes no bytes
 
 
 def _from_buffer(raw: Any, dtype: Any, shape: Any, order: Any = "C", *_: Any) -> np.ndarray:
@@ -182,6 +177,11 @@ def _read_joblib_array(state: Any, stream: io.BytesIO) -> np.ndarray:
     return _from_buffer(stream.read(size), dtype, shape, state["order"])
 
 
+def _no_bytes() -> bytes:
+    """What protocol 2 calls ``bytes`` for: nothing but the empty one."""
+    return b""
+
+
 def _latin1(text: Any, encoding: Any) -> bytes:
     if not isinstance(text, str) or encoding not in ("latin1", "latin-1"):
         raise pickle.UnpicklingError(f"text encoded as {encoding!r}")
@@ -192,6 +192,8 @@ _ADMITTED: dict[tuple[str, str], Callable[..., Any]] = {
     ("numpy", "ndarray"): _NDArray,
     ("numpy", "dtype"): _dtype,
     ("_codecs", "encode"): _latin1,
+    ("builtins", "bytes"): _no_bytes,
+    ("__builtin__", "bytes"): _no_bytes,
     ("collections", "OrderedDict"): dict,
     ("joblib.numpy_pickle", "NumpyArrayWrapper"): _JoblibArray,
     **{(f"{core}.multiarray", "_reconstruct"): _reconstruct for core in ("numpy.core", "numpy._core")},
