@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import fcl
@@ -22,7 +22,7 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class Candidate:
-    """A pair of capsules and the frames in which they are closer than the margin that was asked for.
+    """A pair of capsules and the frames in which they come closer than the margin that was asked for.
 
     Attributes:
         pair: indices into ``robot.capsules``, one of ``robot.collision_pairs``.
@@ -36,7 +36,13 @@ class Candidate:
 
 
 def candidates(
-    robot: Robot, positions: Array, rotations: Array, margin: float, *, chunk: int = CHUNK
+    robot: Robot,
+    positions: Array,
+    rotations: Array,
+    margin: float,
+    *,
+    keep: Iterable[Candidate] = (),
+    chunk: int = CHUNK,
 ) -> list[Candidate]:
     """All pairs and frames with a clearance below ``margin``; none is missed.
 
@@ -48,27 +54,36 @@ def candidates(
         positions: origins of ``robot.body_names`` in the world [m].  # (T, B, 3)
         rotations: their orientations in the world.  # (T, B, 3, 3)
         margin: clearance below which a pair counts [m].
+        keep: candidates of an earlier motion of the same clip, reported with their present clearance whatever it is.
+            A problem that is solved again about its own solution needs them: what a constraint holds apart would
+            overlap again without it.
         chunk: frames a box.
 
     Returns:
         candidates in the order of ``robot.collision_pairs``; pairs that never come close are left out.
     """
+    kept: defaultdict[tuple[int, int], list[np.ndarray]] = defaultdict(list)
+    for candidate in keep:
+        kept[candidate.pair].append(candidate.frames)
     if not len(positions) or not robot.collision_pairs:
         return []
     starts, ends = world_segments(robot, positions, rotations)  # (T, C, 3)
     radius = radii(robot)
-    close = _chunks_of_pairs(robot, starts, ends, radius + 0.5 * margin + ROUNDING, chunk)
+    inflation = np.maximum(radius + 0.5 * margin, 0.0) + ROUNDING
+    close = _chunks_of_pairs(robot, starts, ends, inflation, chunk)
     out = []
     for i, j in robot.collision_pairs:
-        if (i, j) not in close:
+        if (i, j) not in close and (i, j) not in kept:
             continue
-        frames = (np.array(close[i, j])[:, None] + np.arange(chunk)).ravel()
+        frames = (np.array(close.get((i, j), []), dtype=np.intp)[:, None] + np.arange(chunk)).ravel()
         frames = frames[frames < len(positions)]
+        held = np.unique(np.concatenate([np.empty(0, dtype=np.intp), *kept.get((i, j), [])]))
+        frames = np.union1d(frames, held)
         gap, _, _ = distance(starts[frames, i], ends[frames, i], starts[frames, j], ends[frames, j])
         gap -= radius[i] + radius[j]
-        below = gap < margin
-        if below.any():
-            out.append(Candidate((i, j), frames[below], gap[below]))
+        chosen = (gap < margin) | np.isin(frames, held)
+        if chosen.any():
+            out.append(Candidate((i, j), frames[chosen], gap[chosen]))
     return out
 
 
