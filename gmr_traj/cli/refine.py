@@ -20,6 +20,7 @@ from gmr_traj.contacts import schedule_json
 from gmr_traj.contacts.schedule import ContactSchedule
 from gmr_traj.exceptions import ScheduleError
 from gmr_traj.formats import Clip, read_clip, write_clip
+from gmr_traj.interrupts import passed_on
 from gmr_traj.metrics import Certificate, certify
 from gmr_traj.problem import load_problem
 from gmr_traj.refine import Refinement, refine
@@ -44,7 +45,7 @@ def run(arguments: Refine) -> int:
     clip, robot = load(arguments.clip, arguments)
     problem = load_problem(arguments.problem)
     schedule = _given_schedule(arguments.contacts, clip, robot)
-    with progress(not arguments.quiet) as callback:
+    with progress(not arguments.quiet) as callback, passed_on():
         refinement = refine(
             clip.motion,
             robot,

@@ -1,0 +1,38 @@
+"""Ctrl-C that foreign code swallows.
+
+CasADi checks for signals while Ipopt runs; on Ctrl-C it drops the `KeyboardInterrupt`, and Ipopt returns as if it had
+failed (`NonIpopt_Exception_Thrown`).  Without this, an interrupted solve would be reported as one that did not converge.
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+
+@contextmanager
+def passed_on() -> Iterator[None]:
+    """Raise `KeyboardInterrupt` at the end of the block where Ctrl-C was pressed in it and swallowed.
+
+    Outside the main thread, where Python delivers no signals, the block runs as it is.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    pressed = False
+
+    def handle(signum: int, frame: FrameType | None) -> None:
+        nonlocal pressed
+        pressed = True
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGINT, handle)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if pressed:
+        raise KeyboardInterrupt
