@@ -1,7 +1,7 @@
 """Ctrl-C that foreign code swallows.
 
 CasADi checks for signals while Ipopt runs; on Ctrl-C it drops the `KeyboardInterrupt`, and Ipopt returns as if it had
-failed (`NonIpopt_Exception_Thrown`).  Without this, an interrupted solve would be reported as one that did not converge.
+failed (`NonIpopt_Exception_Thrown`).  Without this, an interrupted solve would be reported as one that failed.
 """
 
 from __future__ import annotations

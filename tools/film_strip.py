@@ -21,7 +21,7 @@ from gmr_traj.robot import Robot
 from gmr_traj.robot_loading import load_robot, reduce_robot
 
 WIDTH, HEIGHT = 240, 320
-BODY, OVERLAP, FLOOR = (0.55, 0.6, 0.66, 1.0), (0.85, 0.2, 0.2, 1.0), (0.93, 0.93, 0.9, 1.0)
+BODY, OVERLAP, FLOOR = (0.55, 0.6, 0.66, 1.0), (0.85, 0.2, 0.2, 1.0), (1.0, 1.0, 1.0, 1.0)
 OVERLAP_DEPTH = 1e-3  # [m]
 
 
@@ -29,7 +29,8 @@ def stage(robot: Robot) -> mujoco.MjModel:
     """A scene with floor and light, and one geom a collision shape, placed by hand in every frame."""
     spec = mujoco.MjSpec()
     spec.visual.global_.offwidth, spec.visual.global_.offheight = WIDTH, HEIGHT
-    spec.visual.headlight.ambient, spec.visual.headlight.diffuse = [0.45] * 3, [0.45] * 3
+    spec.visual.headlight.ambient, spec.visual.headlight.diffuse = [0.5] * 3, [0.5] * 3
+    spec.visual.headlight.specular = [0.0] * 3
     spec.add_texture(
         name="sky",
         type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
