@@ -28,6 +28,7 @@ from scipy.spatial.transform import Rotation
 from gmr_traj.exceptions import ClipError
 from gmr_traj.formats import read_clip, write_clip
 from gmr_traj.formats.body_match import _in_order
+from gmr_traj.formats.standing import StandingTest
 from gmr_traj.formats.tree_order import breadth_first_bodies, breadth_first_joints
 from gmr_traj.robot import Robot
 
@@ -35,6 +36,37 @@ from gmr_traj.robot import Robot
 @pytest.fixture
 def clip(tmp_path: Path) -> Path:
     return tmp_path / "clip"
+
+
+@pytest.mark.parametrize(("tilt", "heading"), [(0.0, 0.7), (0.3, -1.2)])
+def test_oddness_in_closed_form(tilt: float, heading: float, g1: Robot) -> None:
+    """A still robot, leant over: its base and its soles are tilted by that angle, and nothing slips."""
+    frames = 5
+    test = StandingTest(g1, np.tile(g1.nominal[7:], (frames, 1)), 30.0)
+    turn = Rotation.from_euler("z", heading) * Rotation.from_rotvec([tilt, 0.0, 0.0])
+    quaternion = np.tile(turn.as_quat(scalar_first=True), (frames, 1))
+    still = np.tile([0.0, 0.0, 1.0], (frames, 1))
+    degrees = np.degrees(tilt)
+    assert test.oddness(still, quaternion) == pytest.approx(degrees / 20 + degrees / 10, abs=1e-6)
+    moving = still + np.arange(frames)[:, None] * [0.01, 0.0, 0.0]  # 0.3 m/s
+    assert test.oddness(moving, quaternion) == pytest.approx(degrees / 20 + degrees / 10 + 0.3 / 0.2, abs=1e-6)
+    if not tilt:
+        raised = g1.nominal[:3] + [0.0, 0.0, 0.25]
+        assert test.lowest_sole(np.tile(raised, (frames, 1)), quaternion) == pytest.approx(0.25, abs=1e-9)
+
+
+def test_a_clip_far_above_the_floor_is_noted(g1: Robot, clip: Path) -> None:
+    qpos = squats(g1)
+    qpos[:, 2] += 1.5
+    gmr(g1, qpos, clip)
+    assert "the lowest sole is 1.50 m above the floor (median)" in read_clip(clip, g1).notes
+
+
+def test_trailing_commas(g1: Robot, clip: Path) -> None:
+    unitree_csv(g1, squats(g1), clip)
+    before = read_clip(clip, g1).motion.qpos
+    clip.write_text(clip.read_text().replace("\n", ",\n"))
+    assert np.array_equal(read_clip(clip, g1).motion.qpos, before)
 
 
 def test_breadth_first_is_isaacs_order(g1: Robot) -> None:
@@ -121,6 +153,20 @@ def test_named_joints_in_any_order(g1: Robot, clip: Path) -> None:
     found = read_clip(clip.with_suffix(".npz"), g1)
     assert found.motion.joint_names == g1.joint_names
     assert np.abs(found.motion.qpos - qpos).max() < 1e-15
+
+
+def test_joints_left_out_by_name(g1: Robot, clip: Path) -> None:
+    """The waist and the arms may be missing, a leg's joint may not."""
+    qpos = squats(g1)
+    for left_out, complete in (("waist_yaw_joint", True), ("left_knee_joint", False)):
+        kept = [name for name in g1.joint_names if name != left_out]
+        columns = [7 + g1.joint_names.index(name) for name in kept]
+        np.savez(clip, qpos=np.hstack([qpos[:, :7], qpos[:, columns]]), fps=30, joint_names=np.array(kept))
+        if complete:
+            assert read_clip(clip.with_suffix(".npz"), g1).motion.joint_names == tuple(kept)
+        else:
+            with pytest.raises(ClipError, match="no joint 'left_knee_joint'"):
+                read_clip(clip.with_suffix(".npz"), g1)
 
 
 def test_joints_far_out_of_range(g1: Robot, clip: Path) -> None:

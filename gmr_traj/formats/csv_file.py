@@ -33,6 +33,8 @@ def load(data: bytes) -> Table:
     if not lines:
         raise ClipError("the file is empty")
     separator = next((s for s in (",", ";", "\t") if s in lines[0]), None)
+    if separator is not None and all(line.rstrip().endswith(separator) for line in lines):
+        lines = [line.rstrip()[:-1] for line in lines]  # some recorders end every line with one
     first = [cell.strip().strip('"') for cell in lines[0].split(separator)]
     header = None if all(_is_number(cell) for cell in first) else tuple(first)
     body = lines if header is None else lines[1:]

@@ -10,7 +10,7 @@ from gmr_traj.exceptions import ClipError
 from gmr_traj.formats.clip import Clip
 from gmr_traj.formats.raw import RawMotion, number
 from gmr_traj.formats.standing import CONTRADICTING, DECISIVE, StandingTest
-from gmr_traj.formats.tree_order import breadth_first_joints
+from gmr_traj.formats.tree_order import breadth_first_joints, leg_joints
 from gmr_traj.formats.units import check_z_up, metres, radians, unit_quaternions
 from gmr_traj.motion import RobotMotion
 from gmr_traj.robot import Robot
@@ -19,6 +19,7 @@ from gmr_traj.robot_loading import reduce_robot
 QUATERNION_ORDERS = ("xyzw", "wxyz")
 _FORMAT_OF_ORDER = {"xyzw": "unitree-csv", "wxyz": "protomotions-csv"}
 _SLOWEST, _FASTEST = 1.0, 1000.0  # frames per second
+_FAR_FROM_FLOOR = 0.2  # [m]; the recorded clip that floats most does so by 0.14
 
 
 def reduced(robot: Robot, joint_names: tuple[str, ...]) -> Robot:
@@ -78,6 +79,12 @@ def decide(raw: RawMotion, robot: Robot, *, fps: float | None, quaternion: str |
     check_z_up(position, Rotation.from_quat(turns, scalar_first=True).as_matrix()[:, :, 2], model)
     if raw.joint_names is None and not raw.confirmed:
         _check_joint_order(joints, position, turns, model, standing, rate)
+    above = standing.lowest_sole(position, turns)
+    if abs(above) > _FAR_FROM_FLOOR:
+        notes = (
+            *notes,
+            f"the lowest sole is {abs(above):.2f} m {'above' if above > 0 else 'below'} the floor (median)",
+        )
     motion = RobotMotion(np.concatenate([position, turns, joints], axis=1), rate, names, robot.name)
     schedule = None
     if raw.contacts is not None:
@@ -99,6 +106,11 @@ def _joints(raw: RawMotion, robot: Robot) -> tuple[tuple[str, ...], np.ndarray, 
     unknown = [name for name in raw.joint_names if name not in robot.joint_names]
     if unknown:
         raise ClipError(f"{robot.name} has no joint {unknown[0]!r}; it has {', '.join(robot.joint_names)}")
+    absent = [name for name in leg_joints(robot) if name not in raw.joint_names]
+    if absent:
+        raise ClipError(
+            f"the file has no joint {absent[0]!r}; of {robot.name}'s joints it may leave out the upper body's"
+        )
     names = tuple(name for name in robot.joint_names if name in raw.joint_names)
     columns = [raw.joint_names.index(name) for name in names]
     return names, raw.joints[:, columns], reduced(robot, names)

@@ -82,7 +82,7 @@ def table(value: Any, name: str, *tail: int | None) -> np.ndarray:
     if array.ndim != len(tail) + 1 or not all(k in (None, size) for k, size in zip(tail, shape, strict=True)):
         raise ClipError(f"{name} has shape {array.shape}; expected (frames, {expected})")
     with np.errstate(invalid="ignore"):
-        bad = np.flatnonzero(~(np.abs(array) < _LARGEST).reshape(len(array), -1).all(axis=1))
+        bad = np.flatnonzero(~(np.abs(array) < _LARGEST).all(axis=tuple(range(1, array.ndim))))
     if bad.size:
         raise ClipError(
             f"frame {bad[0]}: {name} has values that are not finite or above {_LARGEST:g} ({bad.size} such frames)"

@@ -36,3 +36,16 @@ def breadth_first_joints(robot: Robot) -> tuple[str, ...]:
     bodies = [robot.body_names[int(body) - 1] for body in robot.model.jnt_bodyid[1:]]
     moved = dict(zip(bodies, robot.joint_names, strict=True))
     return tuple(moved[body] for body in breadth_first_bodies(robot) if body in moved)
+
+
+def leg_joints(robot: Robot) -> tuple[str, ...]:
+    """Joints between the base and the soles, without which a motion says nothing about the feet."""
+    found = set()
+    for sole in robot.soles:
+        body = robot.body_names.index(sole.body) + 1
+        while body:
+            found.add(body)
+            body = int(robot.model.body_parentid[body])
+    return tuple(
+        name for name, body in zip(robot.joint_names, robot.model.jnt_bodyid[1:], strict=True) if int(body) in found
+    )
