@@ -75,7 +75,8 @@ class _SafeUnpickler(pickle._Unpickler):
         """Our own constructor for an admitted name."""
         if (module, name) not in _ADMITTED:
             raise ClipError(
-                f"the pickle names {module}.{name}, neither an array nor a plain container: nothing was run; save plain arrays"
+                f"the pickle names {module}.{name}, neither an array nor a plain container: nothing was run; "
+                "save plain arrays"
             )
         return _ADMITTED[module, name]
 
