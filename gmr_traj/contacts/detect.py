@@ -1,0 +1,78 @@
+"""Which sole points rest on the floor in which frames, read off a robot clip."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gmr_traj.contacts.schedule import ContactSchedule, Stance
+from gmr_traj.kinematics.mujoco_kinematics import placements
+from gmr_traj.motion import RobotMotion
+from gmr_traj.robot import Robot
+
+
+@dataclass(frozen=True)
+class DetectionSettings:
+    """Thresholds of the hysteresis.
+
+    Attributes:
+        level_quantile: quantile over the frames of the lowest sole point that is taken for the floor.
+        enter_height, enter_speed: a stance begins below both [m], [m/s].
+        leave_height, leave_speed: and ends above either.
+        shortest: stances shorter than this are dropped [s].
+        bridge: gaps up to this long between two stances of a point that stay low are closed [s].
+    """
+
+    level_quantile: float = 0.1
+    enter_height: float = 0.025
+    enter_speed: float = 0.25
+    leave_height: float = 0.04
+    leave_speed: float = 0.5
+    shortest: float = 0.1
+    bridge: float = 0.07
+
+
+def detect(motion: RobotMotion, robot: Robot, settings: DetectionSettings = DetectionSettings()) -> ContactSchedule:
+    """Stances of every sole point."""
+    points, owners = sole_points(motion, robot)
+    level = float(np.quantile(points[:, :, 2].min(axis=1), settings.level_quantile))
+    height = points[:, :, 2] - level
+    if motion.frames > 1:
+        speed = np.linalg.norm(np.gradient(points, axis=0), axis=2) * motion.fps
+    else:
+        speed = np.zeros(height.shape)
+    shortest = max(3, round(settings.shortest * motion.fps))
+    stances = []
+    for column, (sole, point, part) in enumerate(owners):
+        for start, stop in _hysteresis(height[:, column], speed[:, column], settings):
+            if stop - start >= shortest:
+                stances.append(Stance(sole, point, part, start, stop))
+    return ContactSchedule(motion.frames, motion.fps, tuple(sorted(stances)), height=-level)
+
+
+def sole_points(motion: RobotMotion, robot: Robot) -> tuple[np.ndarray, list[tuple[str, int, str]]]:
+    """World positions of all contact points [m] and (sole, point, part) of each.  # (T, K, 3), K"""
+    positions, rotations = placements(robot, motion.qpos)
+    blocks, owners = [], []
+    for sole in robot.soles:
+        slot = robot.body_names.index(sole.body)
+        blocks.append(positions[:, slot, None] + np.einsum("tij,kj->tki", rotations[:, slot], sole.points))
+        owners += [(sole.name, k, part) for k, part in enumerate(sole.parts)]
+    return np.concatenate(blocks, axis=1), owners
+
+
+def _hysteresis(height: np.ndarray, speed: np.ndarray, settings: DetectionSettings) -> list[tuple[int, int]]:
+    """Runs of frames that enter below both lower thresholds and leave above either upper one."""
+    enter = (height < settings.enter_height) & (speed < settings.enter_speed)
+    leave = (height > settings.leave_height) | (speed > settings.leave_speed)
+    runs, start = [], None
+    for t in range(len(height)):
+        if start is None and enter[t]:
+            start = t
+        elif start is not None and leave[t]:
+            runs.append((start, t))
+            start = None
+    if start is not None:
+        runs.append((start, len(height)))
+    return runs

@@ -1,0 +1,103 @@
+"""What a term contributes to the problem: residuals, written once, whatever use is made of them.
+
+A residual is a vector r(x) with bounds, ``lower <= r <= upper``, and a weight for every row.  The problem file says
+what it is used as:
+
+- a *cost*: ``1/2 sum_i w_i e_i^2`` with ``e_i`` the distance of ``r_i`` from ``[lower_i, upper_i]``
+  (plain least squares where both bounds are the target);
+- a *hard* constraint: ``lower <= r <= upper``;
+- a *soft* constraint: ``lower <= r + s <= upper`` with a slack that costs ``w_i (rho |s_i| + s_i^2 / 2)``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+import scipy.sparse as sp
+
+
+@dataclass(frozen=True)
+class GaussNewton:
+    """A cost with its exact gradient and a positive semidefinite model of its Hessian, as functions of (z, p).
+
+    For costs whose structure gives the Gauss-Newton Hessian cheaper than ``J' W J``.
+
+    Attributes:
+        value: (z, p) -> scalar.
+        gradient: (z, p) -> gradient.  # (nz, 1)
+        hessian: (z, p) -> upper triangle, sparse.  # (nz, nz)
+    """
+
+    value: ca.Function
+    gradient: ca.Function
+    hessian: ca.Function
+
+
+@dataclass(frozen=True)
+class FrameResidual:
+    """The same nonlinear residual in K frames: ``r_k = value(x[columns_k], parameters_k)``.
+
+    Attributes:
+        name: of the term, with what it is about (``self_collision/left_hand:torso``).
+        unit: of the rows, e.g. ``m``.
+        rows: a name for every row.  # m
+        frames: the frame each column of the arrays below belongs to.  # (K,)
+        columns: indices into the variables.  # (K, nz)
+        parameters: constants of each frame.  # (np, K)
+        value: (z, p) -> r.  # (m,)
+        jacobian: (z, p) -> dr/dz, sparse.  # (m, nz)
+        lower, upper: bounds; rows with no finite bound in a frame do not exist there.  # (m, K)
+        weights: weight of each row [1 / unit^2].  # (m, K)
+        gauss_newton: replaces ``value`` and ``jacobian`` where the residual is used as a cost.
+    """
+
+    name: str
+    unit: str
+    rows: Sequence[str]
+    frames: np.ndarray
+    columns: np.ndarray
+    parameters: np.ndarray
+    value: ca.Function
+    jacobian: ca.Function | None
+    lower: np.ndarray
+    upper: np.ndarray
+    weights: np.ndarray
+    gauss_newton: GaussNewton | None = None
+
+
+@dataclass(frozen=True)
+class LinearResidual:
+    """``r = A x + b`` with sparse A over the whole clip.
+
+    Attributes:
+        name, unit: as for :class:`FrameResidual`.
+        matrix: A.  # (m, nx)
+        offset: b.  # (m,)
+        lower, upper: bounds.  # (m,)
+        weights: weight of each row [1 / unit^2].  # (m,)
+        frames: the frame each row is named after.  # (m,)
+        subjects: what each row is about, an index into ``rows``.  # (m,)
+        rows: names the subjects.
+    """
+
+    name: str
+    unit: str
+    matrix: sp.csr_matrix
+    offset: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+    weights: np.ndarray
+    frames: np.ndarray
+    subjects: np.ndarray
+    rows: Sequence[str]
+
+
+Residual = FrameResidual | LinearResidual
+
+
+def exceedance(values: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
+    """Distance of each value from its interval: ``max(0, lower - r) + max(0, r - upper)``."""
+    return np.maximum(0.0, lower - values) + np.maximum(0.0, values - upper)

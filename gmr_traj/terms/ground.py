@@ -1,0 +1,107 @@
+"""Nothing goes below the floor: ``r = z - radius >= clearance`` for points of the soles and ends of the capsules.
+
+Rows are built where the centre motion comes within ``near`` of the floor; ``refine`` checks the rest afterwards.  A
+sole's outline is left out in frames where all its contact points are in stance: the anchors hold it on the floor.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import ClassVar
+
+import casadi as ca
+import numpy as np
+
+from gmr_traj.kinematics.casadi_kinematics import CasadiKinematics
+from gmr_traj.residuals import FrameResidual, Residual
+from gmr_traj.terms.context import Context
+from gmr_traj.terms.term import Term
+from gmr_traj.variables import Variables
+
+
+@dataclass(frozen=True)
+class Ground(Term):
+    """Fields: ``clearance`` [m], ``near`` [m], and ``scale`` of a violation where the term is a cost or soft [m]."""
+
+    clearance: float
+    near: float
+    scale: float
+
+    uses: ClassVar[tuple[str, ...]] = ("cost", "hard", "soft")
+
+    def residuals(self, context: Context, variables: Variables) -> list[Residual]:
+        robot = context.robot
+        flat = flat_frames(context)
+        shapes: list[tuple[str, str, np.ndarray, float, np.ndarray]] = []
+        for sole in robot.soles:
+            outline = sole.outline if len(sole.outline) else sole.points
+            shapes.append((f"{sole.name} sole", sole.body, outline, 0.0, flat[sole.name]))
+        under = {sole.body for sole in robot.soles}
+        for capsule in robot.capsules:
+            if capsule.body in under:
+                continue  # the sole's outline is the lowest part of a foot
+            ends = np.unique(np.stack([capsule.start, capsule.end]), axis=0)
+            shapes.append((capsule.name, capsule.body, ends, capsule.radius, np.zeros(context.frames, bool)))
+        out = [self._shape(context, variables, *shape) for shape in shapes]
+        return [residual for residual in out if residual is not None]
+
+    def _shape(
+        self, context: Context, variables: Variables, name: str, body: str, points: np.ndarray, radius: float,
+        left_out: np.ndarray,
+    ) -> FrameResidual | None:
+        positions, rotations = context.placements
+        slot = context.robot.body_names.index(body)
+        height = positions[:, slot, None, 2] + rotations[:, slot, 2] @ points.T - radius  # (T, m)
+        built = (height < self.near) & ~left_out[:, None]
+        frames = np.flatnonzero(built.any(axis=1))
+        if not frames.size:
+            return None
+        value, jacobian = _functions(context.kinematics, body, tuple(map(tuple, points.tolist())), radius)
+        shape = (len(points), len(frames))
+        return FrameResidual(
+            name=f"ground/{name}",
+            unit="m",
+            rows=[f"point {k}" for k in range(len(points))],
+            frames=frames,
+            columns=variables.steps[frames],
+            parameters=context.centre.qpos[frames].T,
+            value=value,
+            jacobian=jacobian,
+            lower=np.where(built[frames].T, self.clearance, -np.inf),
+            upper=np.full(shape, np.inf),
+            weights=np.full(shape, context.dt / self.scale**2),
+        )
+
+
+def flat_frames(context: Context) -> dict[str, np.ndarray]:
+    """For each sole the frames in which every contact point is in stance.  # (T,) bool"""
+    out = {}
+    for sole in context.robot.soles:
+        resting = np.zeros((context.frames, len(sole.points)), bool)
+        for stance in context.schedule.stances:
+            if stance.sole == sole.name:
+                resting[stance.start : stance.stop, stance.point] = True
+        out[sole.name] = resting.all(axis=1)
+    return out
+
+
+@lru_cache(maxsize=256)
+def _functions(
+    kinematics: CasadiKinematics, body: str, points: tuple[tuple[float, ...], ...], radius: float
+) -> tuple[ca.Function, ca.Function]:
+    """(step, configuration) -> heights of points of one body less a radius; and their Jacobian."""
+    step = ca.SX.sym("z", kinematics.tangent_size)
+    reference = ca.SX.sym("q", 7 + kinematics.robot.dof)
+    placements = kinematics.placements(step, reference)
+    slot = kinematics.robot.body_names.index(body)
+    heights = ca.vertcat(
+        *[
+            placements.positions[slot][2] + placements.rotations[slot][2, :] @ ca.DM(list(point)) - radius
+            for point in points
+        ]
+    )
+    options = {"cse": True}
+    value = ca.Function("height", [step, reference], [heights], ["z", "p"], ["r"], options)
+    jacobian = ca.Function("height_jacobian", [step, reference], [ca.jacobian(heights, step)], ["z", "p"], ["J"], options)
+    return value, jacobian

@@ -1,0 +1,137 @@
+"""Limbs stay out of the body: closed-form clearance of capsules, ``r = c(a, b) >= clearance``.
+
+Only the joints between the two bodies matter, so a pair's residual is a function of those few angles, in the frame of
+their closest common ancestor.  Pairs and frames come from python-fcl's broadphase over the centre motion.  Where a
+limb is so deep inside that its own normal does not say which way is out, the clearance is measured along the
+direction it came in by (``collision.directions``).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, ClassVar
+
+import casadi as ca
+import mujoco
+import numpy as np
+
+from gmr_traj.collision.broadphase import candidates
+from gmr_traj.collision.directions import DirectedCandidate, separating_directions
+from gmr_traj.collision.segments_casadi import clearance_jacobian, directed_clearance
+from gmr_traj.kinematics.casadi_kinematics import CasadiKinematics, constant_rotation, hinge_rotation
+from gmr_traj.residuals import FrameResidual, Residual
+from gmr_traj.robot import Capsule
+from gmr_traj.terms.context import Context
+from gmr_traj.terms.term import Term
+from gmr_traj.variables import Variables
+
+
+@dataclass(frozen=True)
+class SelfCollision(Term):
+    """Fields: ``clearance`` [m], ``near`` [m], and ``scale`` of a violation where the term is a cost or soft [m]."""
+
+    clearance: float
+    near: float
+    scale: float
+
+    uses: ClassVar[tuple[str, ...]] = ("cost", "hard", "soft")
+
+    def residuals(self, context: Context, variables: Variables) -> list[Residual]:
+        positions, rotations = context.placements
+        close = candidates(context.robot, positions, rotations, self.near)
+        directed = separating_directions(context.robot, positions, rotations, close)
+        return [self._pair(context, variables, candidate) for candidate in directed]
+
+    def _pair(self, context: Context, variables: Variables, candidate: DirectedCandidate) -> FrameResidual:
+        robot, frames = context.robot, candidate.frames
+        chain = _chain(context.kinematics, *candidate.pair)
+        normals = candidate.normals
+        if chain.ancestor >= 0:
+            rotation = context.placements[1][frames, chain.ancestor]
+            normals = np.einsum("tji,tj->ti", rotation, normals)
+        angles = context.centre.qpos[frames][:, 7 + chain.joints]
+        shape = (1, len(frames))
+        names = [robot.capsules[k].name for k in candidate.pair]
+        return FrameResidual(
+            name=f"self_collision/{names[0]}:{names[1]}",
+            unit="m",
+            rows=["clearance"],
+            frames=frames,
+            columns=variables.steps[frames][:, 6 + chain.joints],
+            parameters=np.hstack([angles, normals, candidate.held[:, None]]).T,
+            value=chain.value,
+            jacobian=chain.jacobian,
+            lower=np.full(shape, self.clearance),
+            upper=np.full(shape, np.inf),
+            weights=np.full(shape, context.dt / self.scale**2),
+        )
+
+
+@dataclass(frozen=True)
+class _Chain:
+    """The joints between the bodies of two capsules and the clearance as a function of them.
+
+    Attributes:
+        joints: indices of the joints.  # (nz,)
+        ancestor: the closest common ancestor's place among the robot's bodies.
+        value, jacobian: (step of the joints, (their angles, direction, held)) -> clearance [m], its row.
+    """
+
+    joints: np.ndarray
+    ancestor: int
+    value: ca.Function
+    jacobian: ca.Function
+
+
+@lru_cache(maxsize=2048)
+def _chain(kinematics: CasadiKinematics, first: int, second: int) -> _Chain:
+    robot = kinematics.robot
+    model, one, two = robot.model, robot.capsules[first], robot.capsules[second]
+    up_one, up_two = _ancestors(model, one.body), _ancestors(model, two.body)
+    common = next(body for body in up_one if body in up_two)
+    paths = [up_one[: up_one.index(common)][::-1], up_two[: up_two.index(common)][::-1]]
+    moved = [body for path in paths for body in path if int(model.body_jntnum[body])]
+    joints = np.array([int(model.jnt_qposadr[int(model.body_jntadr[body])]) - 7 for body in moved])
+    step, parameters = ca.SX.sym("z", len(joints)), ca.SX.sym("p", len(joints) + 4)
+    angle = dict(zip(moved, ca.vertsplit(step + parameters[: len(joints)]), strict=True))
+    direction, held = parameters[len(joints) : -1], parameters[-1]
+    ends = [_ends(model, path, angle, capsule) for path, capsule in zip(paths, (one, two), strict=True)]
+    exact, exact_row = clearance_jacobian(step, *ends[0], one.radius, *ends[1], two.radius)
+    along = directed_clearance(direction, *ends[0], one.radius, *ends[1], two.radius)
+    options = {"cse": True}
+    value = ca.if_else(held, along, exact)
+    row = ca.if_else(held, ca.densify(ca.jacobian(along, step)), ca.densify(exact_row))
+    return _Chain(
+        joints=joints,
+        ancestor=robot.body_names.index(model.body(common).name) if common else -1,
+        value=ca.Function("clearance", [step, parameters], [value], ["z", "p"], ["r"], options),
+        jacobian=ca.Function("clearance_row", [step, parameters], [row], ["z", "p"], ["J"], options),
+    )
+
+
+def _ancestors(model: mujoco.MjModel, body: str) -> list[int]:
+    """A body and all above it, up to the world."""
+    out = [int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, body))]
+    while out[-1]:
+        out.append(int(model.body_parentid[out[-1]]))
+    return out
+
+
+def _ends(model: mujoco.MjModel, path: list[int], angle: dict[int, Any], capsule: Capsule) -> tuple[Any, Any]:
+    """End points of a capsule in the frame of the path's start; the second is None for a sphere."""
+    position, rotation = ca.SX.zeros(3), ca.SX.eye(3)
+    for body in path:
+        position = position + rotation @ ca.DM(model.body_pos[body])
+        rotation = rotation @ constant_rotation(model.body_quat[body])
+        if body in angle:
+            joint = int(model.body_jntadr[body])
+            zero = float(model.qpos0[int(model.jnt_qposadr[joint])])
+            turned = rotation @ hinge_rotation(np.asarray(model.jnt_axis[joint]), angle[body] - zero)
+            anchor = ca.DM(model.jnt_pos[joint])
+            position = position + rotation @ anchor - turned @ anchor
+            rotation = turned
+    start = position + rotation @ ca.DM(capsule.start)
+    if np.allclose(capsule.start, capsule.end):
+        return start, None
+    return start, position + rotation @ ca.DM(capsule.end)

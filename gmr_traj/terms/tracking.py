@@ -1,0 +1,93 @@
+"""Key bodies stay near where the target has them: position and orientation in the world.
+
+    phi_t = trust_t sum_b [ k_b rho(|p_b - p*_b|) / position^2 + l_b (3 - tr(R*_b' R_b)) / (2 orientation^2) ] dt
+
+with the pseudo-Huber function ``rho(e) = s^2 (sqrt(1 + e^2 / s^2) - 1)``, quadratic up to about s = ``robust``, and the robot's relative weights k_b, l_b.  A frame that the target cannot be trusted in (a jump, the transient of
+the first frames) counts less, so that the smoothness terms carry the motion across it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import ClassVar
+
+import casadi as ca
+import numpy as np
+
+from gmr_traj.kinematics.casadi_kinematics import CasadiKinematics
+from gmr_traj.residuals import FrameResidual, GaussNewton, Residual
+from gmr_traj.terms.composite import CompositeCost
+from gmr_traj.terms.context import Context
+from gmr_traj.terms.term import Term
+from gmr_traj.variables import Variables
+
+
+@dataclass(frozen=True)
+class Tracking(Term):
+    """Fields: scales of the deviation, ``position`` [m] and ``orientation`` [rad]; ``robust`` [m], see above."""
+
+    position: float
+    orientation: float
+    robust: float
+
+    uses: ClassVar[tuple[str, ...]] = ("cost",)
+
+    def residuals(self, context: Context, variables: Variables) -> list[Residual]:
+        robot = context.robot
+        slots = [robot.body_names.index(key.body) for key in robot.key_bodies]
+        positions, rotations = context.target_placements
+        count, frames = len(slots), context.frames
+        weight = (context.trust * context.dt)[:, None]
+        at = weight / self.position**2 * [key.position_weight for key in robot.key_bodies]
+        turned = weight / self.orientation**2 * [key.orientation_weight for key in robot.key_bodies]
+        parameters = np.hstack(
+            [
+                context.centre.qpos,
+                positions[:, slots].reshape(frames, 3 * count),
+                rotations[:, slots].transpose(0, 1, 3, 2).reshape(frames, 9 * count),
+                at,
+                turned,
+            ]
+        ).T
+        functions = _functions(context.kinematics, tuple(slots), self.robust)
+        nothing = np.zeros((1, frames))
+        return [
+            FrameResidual(
+                name="tracking",
+                unit="1",
+                rows=["all key bodies"],
+                frames=np.arange(frames),
+                columns=variables.steps,
+                parameters=parameters,
+                value=functions.value,
+                jacobian=None,
+                lower=nothing,
+                upper=nothing,
+                weights=nothing,
+                gauss_newton=functions,
+            )
+        ]
+
+
+@lru_cache(maxsize=8)
+def _functions(kinematics: CasadiKinematics, slots: tuple[int, ...], robust: float) -> GaussNewton:
+    """Value, gradient and Hessian of one frame's cost."""
+    robot, count = kinematics.robot, len(slots)
+    tangent = ca.SX.sym("v", kinematics.tangent_size)
+    reference = ca.SX.sym("q", 7 + robot.dof)
+    at, turned = ca.SX.sym("p", 3, count), ca.SX.sym("R", 9, count)
+    at_weight, turned_weight = ca.SX.sym("w", count), ca.SX.sym("u", count)
+    parameters = ca.vertcat(reference, ca.vec(at), ca.vec(turned), at_weight, turned_weight)
+    placements = kinematics.placements(tangent, reference)
+    cost = CompositeCost(kinematics, tangent, placements)
+    for k, slot in enumerate(slots):
+        cost.add_point(slot, placements.positions[slot], at[:, k], at_weight[k], robust)
+        cost.add_rotation(slot, ca.reshape(turned[:, k], 3, 3), turned_weight[k])
+    gradient, hessian = cost.derivatives()
+    names, options = (["z", "p"], ["out"]), {"cse": True}
+    return GaussNewton(
+        value=ca.Function("tracking_value", [tangent, parameters], [cost.value], *names, options),
+        gradient=ca.Function("tracking_gradient", [tangent, parameters], [gradient], *names, options),
+        hessian=ca.Function("tracking_hessian", [tangent, parameters], [hessian], *names, options),
+    )

@@ -1,0 +1,250 @@
+"""From residuals and the uses made of them to one sparse nonlinear program.
+
+    min  f(x) = 1/2 x'Qx + c'x + c0 + sum_k phi_k(x[cols_k])    s.t.  l <= g(x) <= u,  lx <= x <= ux
+
+All linear least squares are folded into the constant Q; every nonlinear cost brings a gradient and a Gauss-Newton
+Hessian for the few unknowns it touches, which are added into one sparse matrix.  The curvature of constraints is left
+out, so the Hessian is positive semidefinite by construction and never needs to be convexified.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+import scipy.sparse as sp
+
+from gmr_traj.assembly import SparseSum, frozen, to_dm
+from gmr_traj.exceptions import ProblemError
+from gmr_traj.frame_costs import gauss_newton
+from gmr_traj.residuals import FrameResidual, LinearResidual, Residual
+from gmr_traj.variables import Variables
+
+# A soft row's slack costs w (rho |s| + s^2 / 2): rho [in the row's unit] makes small violations cost, too.
+SOFT_SLOPE = 1e-3
+
+
+@dataclass(frozen=True)
+class Used:
+    """A residual and what the problem uses it as: ``cost``, ``hard`` or ``soft``."""
+
+    residual: Residual
+    use: str
+
+
+@dataclass(frozen=True)
+class Nlp:
+    """A nonlinear program in the form Ipopt wants, all derivatives given.
+
+    Attributes:
+        problem: ``x``, ``p`` (empty), ``f`` and ``g`` as CasADi expressions.
+        gradient: (x, p) -> (f, grad f).
+        jacobian: (x, p) -> (g, dg/dx).
+        hessian: (x, p, lam_f, lam_g) -> upper triangle of lam_f times the Gauss-Newton Hessian.
+        initial, lower, upper: starting values and bounds of x.  # (nx,)
+        row_lower, row_upper: bounds of g.  # (m,)
+    """
+
+    problem: dict[str, ca.MX]
+    gradient: ca.Function
+    jacobian: ca.Function
+    hessian: ca.Function
+    initial: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+    row_lower: np.ndarray
+    row_upper: np.ndarray
+
+
+def transcribe(variables: Variables, used: Sequence[Used]) -> Nlp:
+    """Assemble the program.
+
+    Raises:
+        ProblemError: on a use a residual cannot have.
+    """
+    rows = _Rows(variables, used)
+    costs = _Costs(variables.size, used, rows.slack_linear, rows.slack_quadratic)
+    x, p = ca.MX.sym("x", variables.size), ca.MX.sym("p", 0)
+    value, gradient, hessian = costs.expressions(x)
+    g, jacobian = rows.expressions(x)
+    lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", g.numel())
+    lower, upper = variables.bounds()
+    np.maximum.at(lower, rows.bound_index, rows.bound_lower)
+    np.minimum.at(upper, rows.bound_index, rows.bound_upper)
+    return Nlp(
+        problem={"x": x, "p": p, "f": value, "g": g},
+        gradient=ca.Function("grad_f", [x, p], [value, gradient], ["x", "p"], ["f", "grad_f_x"]),
+        jacobian=ca.Function("jac_g", [x, p], [g, jacobian], ["x", "p"], ["g", "jac_g_x"]),
+        hessian=ca.Function(
+            "hess_lag",
+            [x, p, lam_f, lam_g],
+            [lam_f * hessian],
+            ["x", "p", "lam_f", "lam_g"],
+            ["triu_hess_gamma_x_x"],
+        ),
+        initial=np.clip(variables.initial(), lower, upper),
+        lower=lower,
+        upper=upper,
+        row_lower=rows.lower,
+        row_upper=rows.upper,
+    )
+
+
+class _Costs:
+    """The objective: one quadratic form for all linear residuals, mapped functions for the others."""
+
+    def __init__(
+        self, size: int, used: Sequence[Used], slack_linear: Sequence[tuple[np.ndarray, np.ndarray]],
+        slack_quadratic: Sequence[tuple[np.ndarray, np.ndarray]],
+    ) -> None:
+        self.size = size
+        matrix, weight, offset = [], [], []
+        self.frame_costs = []
+        self.constant_linear = np.zeros(size)
+        for item in used:
+            if item.use != "cost":
+                continue
+            if isinstance(item.residual, FrameResidual):
+                self.frame_costs.append(item.residual)
+                continue
+            linear = item.residual
+            if not np.array_equal(linear.lower, linear.upper):
+                raise ProblemError(f"term {linear.name}: an interval on a linear residual can be hard or soft, not a cost")
+            matrix.append(linear.matrix)
+            weight.append(linear.weights)
+            offset.append(linear.offset - linear.lower)
+        stacked = _widen(matrix, size)
+        w = np.concatenate([*weight, np.zeros(0)])
+        b = np.concatenate([*offset, np.zeros(0)])
+        self.quadratic = (stacked.T @ sp.diags(w) @ stacked).tocsc()
+        self.linear = stacked.T @ (w * b)
+        self.constant = 0.5 * float(w @ b**2)
+        for index, slope in slack_linear:
+            np.add.at(self.linear, index, slope)
+        diagonal = np.zeros(size)
+        for index, curvature in slack_quadratic:
+            np.add.at(diagonal, index, curvature)
+        self.quadratic = (self.quadratic + sp.diags(diagonal)).tocsc()
+
+    def expressions(self, x: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
+        """Objective, gradient and Hessian (upper triangle)."""
+        product = to_dm(self.quadratic) @ x
+        value = 0.5 * ca.dot(x, product) + ca.dot(ca.DM(self.linear), x) + self.constant
+        gradient = product + ca.DM(self.linear)
+        hessian_sum = SparseSum((self.size, self.size), upper=True)
+        upper = sp.triu(self.quadratic).tocoo()
+        hessian_sum.add_constant(upper.row, upper.col, upper.data)
+        gradient_sum = SparseSum((self.size, 1))
+        for residual in self.frame_costs:
+            functions, parameters = gauss_newton(residual)
+            count = len(residual.frames)
+            z, parameter = gather(x, residual.columns), frozen(parameters)
+            value += ca.sum2(functions.value.map(count)(z, parameter))
+            gradient_sum.add(
+                residual.columns.ravel(), np.zeros(residual.columns.size, int),
+                ca.vec(ca.densify(functions.gradient.map(count)(z, parameter))),
+            )
+            i, j = (np.array(k) for k in functions.hessian.sparsity_out(0).get_triplet())
+            hessian_sum.add(
+                residual.columns[:, i].ravel(), residual.columns[:, j].ravel(),
+                nonzeros(functions.hessian.map(count)(z, parameter)),
+            )
+        return value, gradient + gradient_sum.total(), hessian_sum.total()
+
+
+class _Rows:
+    """The constraints: linear rows with a constant Jacobian, and mapped functions for the others."""
+
+    def __init__(self, variables: Variables, used: Sequence[Used]) -> None:
+        self.slack_linear: list[tuple[np.ndarray, np.ndarray]] = []
+        self.slack_quadratic: list[tuple[np.ndarray, np.ndarray]] = []
+        bounds_index, bounds_lower, bounds_upper = [], [], []
+        self.blocks: list[tuple[Residual, np.ndarray, np.ndarray]] = []  # residual, rows kept (flat), slack columns
+        lower, upper = [], []
+        for item in used:
+            if item.use == "cost":
+                continue
+            residual = item.residual
+            low, high = residual.lower.ravel(order="F"), residual.upper.ravel(order="F")
+            keep = np.isfinite(low) | np.isfinite(high)
+            slack = np.zeros(0, int)
+            if isinstance(residual, LinearResidual):
+                low, high = low - residual.offset, high - residual.offset
+                if item.use == "hard":
+                    single = np.diff(residual.matrix.indptr) == 1
+                    index = residual.matrix.indices[residual.matrix.indptr[:-1][single & keep]]
+                    factor = residual.matrix.data[residual.matrix.indptr[:-1][single & keep]]
+                    ends = np.stack([low[single & keep] / factor, high[single & keep] / factor])
+                    bounds_index.append(index)
+                    bounds_lower.append(ends.min(0))
+                    bounds_upper.append(ends.max(0))
+                    keep &= ~single
+            kept = np.flatnonzero(keep)
+            if not kept.size:
+                continue
+            if item.use == "soft":
+                weight = residual.weights.ravel(order="F")[kept]
+                slack = np.concatenate([variables.add(np.zeros(kept.size), lower=0.0) for _ in range(2)])
+                self.slack_linear.append((slack, SOFT_SLOPE * np.tile(weight, 2)))
+                self.slack_quadratic.append((slack, np.tile(weight, 2)))
+            self.blocks.append((residual, kept, slack))
+            lower.append(low[kept])
+            upper.append(high[kept])
+        self.size = variables.size
+        self.bound_index = np.concatenate([*bounds_index, np.zeros(0, int)])
+        self.bound_lower = np.concatenate([*bounds_lower, np.zeros(0)])
+        self.bound_upper = np.concatenate([*bounds_upper, np.zeros(0)])
+        self.lower = np.concatenate([*lower, np.zeros(0)])
+        self.upper = np.concatenate([*upper, np.zeros(0)])
+
+    def expressions(self, x: ca.MX) -> tuple[ca.MX, ca.MX]:
+        """Constraint values and their sparse Jacobian."""
+        total = SparseSum((len(self.lower), self.size))
+        values = []
+        first = 0
+        for residual, kept, slack in self.blocks:
+            here = first + np.arange(kept.size)
+            if isinstance(residual, LinearResidual):
+                matrix = _widen([residual.matrix[kept]], self.size)
+                coo = matrix.tocoo()
+                total.add_constant(first + coo.row, coo.col, coo.data)
+                row = to_dm(matrix.tocsc()) @ x
+            else:
+                assert residual.jacobian is not None
+                count, m = len(residual.frames), len(residual.rows)
+                z, parameter = gather(x, residual.columns), frozen(residual.parameters)
+                row = ca.vec(ca.densify(residual.value.map(count)(z, parameter)))[kept.tolist()]
+                i, j = (np.array(k) for k in residual.jacobian.sparsity_out(0).get_triplet())
+                position = np.full(count * m, -1)
+                position[kept] = here
+                entry = position.reshape(count, m)[:, i].ravel()
+                select = np.flatnonzero(entry >= 0)
+                total.add(
+                    entry[select], residual.columns[:, j].ravel()[select],
+                    nonzeros(residual.jacobian.map(count)(z, parameter))[select.tolist()],
+                )
+            if slack.size:
+                plus, minus = slack[: kept.size], slack[kept.size :]
+                row = row + x[plus.tolist()] - x[minus.tolist()]
+                total.add_constant(np.tile(here, 2), slack, np.repeat([1.0, -1.0], kept.size))
+            values.append(row)
+            first += kept.size
+        return ca.vertcat(*values) if values else ca.MX(0, 1), total.total()
+
+
+def gather(x: ca.MX, columns: np.ndarray) -> ca.MX:
+    """Unknowns of each frame, a column a frame.  # (nz, K)"""
+    return ca.reshape(x[columns.ravel().tolist()], columns.shape[1], columns.shape[0])
+
+
+def nonzeros(matrix: ca.MX) -> ca.MX:
+    """Nonzeros of a matrix as a column, in column-major order."""
+    return ca.vec(matrix.nz[:])
+
+
+def _widen(blocks: Sequence[sp.csr_matrix], size: int) -> sp.csr_matrix:
+    """Stack matrices that were built before the last unknowns were added."""
+    wide = [sp.csr_matrix((b.data, b.indices, b.indptr), shape=(b.shape[0], size)) for b in blocks]
+    return sp.vstack(wide).tocsr() if wide else sp.csr_matrix((0, size))

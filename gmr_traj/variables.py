@@ -1,0 +1,51 @@
+"""The unknowns of one problem: a tangent step a frame, and what terms add."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+class Variables:
+    """Numbers the unknowns.
+
+    The first ``frames * tangent`` unknowns are the tangent steps, frame after frame; terms append blocks of their own
+    (anchors, slacks) while the problem is built.
+
+    Args:
+        frames: T.
+        tangent: size of a tangent step, 6 + n.
+    """
+
+    def __init__(self, frames: int, tangent: int) -> None:
+        self.frames = frames
+        self.tangent = tangent
+        self.steps = np.arange(frames * tangent).reshape(frames, tangent)  # (T, 6 + n) indices
+        self._initial = [np.zeros(frames * tangent)]
+        self._lower = [np.full(frames * tangent, -np.inf)]
+        self._upper = [np.full(frames * tangent, np.inf)]
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns so far."""
+        return sum(len(block) for block in self._initial)
+
+    def add(self, initial: np.ndarray, lower: float = -np.inf, upper: float = np.inf) -> np.ndarray:
+        """Append unknowns with their starting values; returns their indices, in the shape of ``initial``."""
+        first = self.size
+        self._initial.append(np.ravel(initial).astype(float))
+        self._lower.append(np.full(initial.size, lower))
+        self._upper.append(np.full(initial.size, upper))
+        return first + np.arange(initial.size).reshape(initial.shape)
+
+    def hold(self, frames: np.ndarray) -> None:
+        """Keep the tangent steps of some frames at zero."""
+        self._lower[0].reshape(self.frames, self.tangent)[frames] = 0.0
+        self._upper[0].reshape(self.frames, self.tangent)[frames] = 0.0
+
+    def initial(self) -> np.ndarray:
+        """Starting values.  # (nx,)"""
+        return np.concatenate(self._initial)
+
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper bounds.  # (nx,), (nx,)"""
+        return np.concatenate(self._lower), np.concatenate(self._upper)
