@@ -67,7 +67,7 @@ def radians(joints: np.ndarray, robot: Robot) -> tuple[np.ndarray, tuple[str, ..
     converted = np.radians(joints)
     outside = float((_excess(converted, robot) > _SLACK).any(axis=1).mean())
     if outside <= _MANY and np.abs(joints).max() > 2 * np.pi:
-        return converted, ("joint positions are degrees: as radians they leave the joints' ranges, so they do not",)
+        return converted, ("joint positions are degrees, as radians they leave the joints' ranges; written in radians",)
     worst = int(excess.max(axis=0).argmax())
     raise ClipError(
         f"joint {robot.joint_names[worst]} is up to {excess[:, worst].max():.1f} rad outside its range, and in "
@@ -90,9 +90,7 @@ def metres(position: np.ndarray, robot: Robot) -> tuple[np.ndarray, tuple[str, .
     ratio = float(np.median(position[:, 2])) / standing
     # A base at 30 to 200 times its standing height is a crouch to a leap in centimetres.
     if 30.0 < ratio < 200.0:
-        note = (
-            f"base positions are centimetres: a height of {ratio * standing:.0f} is {ratio:.0f} times that of standing"
-        )
+        note = f"base positions are centimetres: a height of {ratio * standing:.0f} is {ratio:.0f} times standing; written in metres"
         return position / 100.0, (note,)
     return position, ()
 
