@@ -90,7 +90,8 @@ def metres(position: np.ndarray, robot: Robot) -> tuple[np.ndarray, tuple[str, .
     ratio = float(np.median(position[:, 2])) / standing
     # A base at 30 to 200 times its standing height is a crouch to a leap in centimetres.
     if 30.0 < ratio < 200.0:
-        note = f"base positions are centimetres: a height of {ratio * standing:.0f} is {ratio:.0f} times standing; written in metres"
+        height = f"a height of {ratio * standing:.0f} is {ratio:.0f} times standing"
+        note = f"base positions are centimetres: {height}; written in metres"
         return position / 100.0, (note,)
     return position, ()
 
