@@ -15,7 +15,7 @@ from types import FrameType
 
 @contextmanager
 def passed_on() -> Iterator[None]:
-    """Raise `KeyboardInterrupt` at the end of the block where Ctrl-C was pressed in it and swallowed.
+    """Raise `KeyboardInterrupt` at the end of the block where Ctrl-C was pressed in it and swallowed or disguised.
 
     Outside the main thread, where Python delivers no signals, the block runs as it is.
     """
@@ -32,6 +32,10 @@ def passed_on() -> Iterator[None]:
     before = signal.signal(signal.SIGINT, handle)
     try:
         yield
+    except Exception as error:
+        if pressed:  # some CasADi and Python versions turn it into a SystemError
+            raise KeyboardInterrupt from error
+        raise
     finally:
         signal.signal(signal.SIGINT, before)
     if pressed:
