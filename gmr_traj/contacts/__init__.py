@@ -1,0 +1,3 @@
+"""Contact schedules: found on a clip, edited, saved."""
+
+from gmr_traj.contacts.detect import detect as detect

@@ -26,6 +26,8 @@ class Context:
         target: the motion to stay close to: the input, raised to stand on the floor.
         trust: how far each frame of the target is to be believed, in (0, 1].  # (T,)
         schedule: stances.
+        visited: motions near which constraint rows must be built: the centre's, and those of earlier passes, so that
+            a row that once mattered stays.
     """
 
     robot: Robot
@@ -34,6 +36,7 @@ class Context:
     target: RobotMotion
     trust: np.ndarray
     schedule: ContactSchedule
+    visited: tuple[RobotMotion, ...]
 
     @property
     def frames(self) -> int:
@@ -49,6 +52,11 @@ class Context:
     def placements(self) -> tuple[np.ndarray, np.ndarray]:
         """World placements of the bodies in the centre motion.  # (T, B, 3), (T, B, 3, 3)"""
         return placements(self.robot, self.centre.qpos)
+
+    @cached_property
+    def visited_placements(self) -> tuple[tuple[np.ndarray, np.ndarray], ...]:
+        """World placements of the bodies in each visited motion.  # of (T, B, 3), (T, B, 3, 3)"""
+        return tuple(placements(self.robot, motion.qpos) for motion in self.visited)
 
     @cached_property
     def target_placements(self) -> tuple[np.ndarray, np.ndarray]:

@@ -50,10 +50,11 @@ class Ground(Term):
         self, context: Context, variables: Variables, name: str, body: str, points: np.ndarray, radius: float,
         left_out: np.ndarray,
     ) -> FrameResidual | None:
-        positions, rotations = context.placements
         slot = context.robot.body_names.index(body)
-        height = positions[:, slot, None, 2] + rotations[:, slot, 2] @ points.T - radius  # (T, m)
-        built = (height < self.near) & ~left_out[:, None]
+        built = np.zeros((context.frames, len(points)), bool)
+        for positions, rotations in context.visited_placements:
+            height = positions[:, slot, None, 2] + rotations[:, slot, 2] @ points.T - radius  # (T, m)
+            built |= (height < self.near) & ~left_out[:, None]
         frames = np.flatnonzero(built.any(axis=1))
         if not frames.size:
             return None

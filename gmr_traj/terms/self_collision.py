@@ -1,9 +1,7 @@
 """Limbs stay out of the body: closed-form clearance of capsules, ``r = c(a, b) >= clearance``.
 
 Only the joints between the two bodies matter, so a pair's residual is a function of those few angles, in the frame of
-their closest common ancestor.  Pairs and frames come from python-fcl's broadphase over the centre motion.  Where a
-limb is so deep inside that its own normal does not say which way is out, the clearance is measured along the
-direction it came in by (``collision.directions``).
+their closest common ancestor.  Pairs and frames come from python-fcl's broadphase over the visited motions.
 """
 
 from __future__ import annotations
@@ -16,9 +14,8 @@ import casadi as ca
 import mujoco
 import numpy as np
 
-from gmr_traj.collision.broadphase import candidates
-from gmr_traj.collision.directions import DirectedCandidate, separating_directions
-from gmr_traj.collision.segments_casadi import clearance_jacobian, directed_clearance
+from gmr_traj.collision.broadphase import Candidate, candidates
+from gmr_traj.collision.segments_casadi import clearance_jacobian
 from gmr_traj.kinematics.casadi_kinematics import CasadiKinematics, constant_rotation, hinge_rotation
 from gmr_traj.residuals import FrameResidual, Residual
 from gmr_traj.robot import Capsule
@@ -38,18 +35,14 @@ class SelfCollision(Term):
     uses: ClassVar[tuple[str, ...]] = ("cost", "hard", "soft")
 
     def residuals(self, context: Context, variables: Variables) -> list[Residual]:
-        positions, rotations = context.placements
-        close = candidates(context.robot, positions, rotations, self.near)
-        directed = separating_directions(context.robot, positions, rotations, close)
-        return [self._pair(context, variables, candidate) for candidate in directed]
+        close: list[Candidate] = []
+        for positions, rotations in context.visited_placements:
+            close = candidates(context.robot, positions, rotations, self.near, keep=close)
+        return [self._pair(context, variables, candidate) for candidate in close]
 
-    def _pair(self, context: Context, variables: Variables, candidate: DirectedCandidate) -> FrameResidual:
+    def _pair(self, context: Context, variables: Variables, candidate: Candidate) -> FrameResidual:
         robot, frames = context.robot, candidate.frames
         chain = _chain(context.kinematics, *candidate.pair)
-        normals = candidate.normals
-        if chain.ancestor >= 0:
-            rotation = context.placements[1][frames, chain.ancestor]
-            normals = np.einsum("tji,tj->ti", rotation, normals)
         angles = context.centre.qpos[frames][:, 7 + chain.joints]
         shape = (1, len(frames))
         names = [robot.capsules[k].name for k in candidate.pair]
@@ -59,7 +52,7 @@ class SelfCollision(Term):
             rows=["clearance"],
             frames=frames,
             columns=variables.steps[frames][:, 6 + chain.joints],
-            parameters=np.hstack([angles, normals, candidate.held[:, None]]).T,
+            parameters=angles.T,
             value=chain.value,
             jacobian=chain.jacobian,
             lower=np.full(shape, self.clearance),
@@ -74,12 +67,10 @@ class _Chain:
 
     Attributes:
         joints: indices of the joints.  # (nz,)
-        ancestor: the closest common ancestor's place among the robot's bodies.
-        value, jacobian: (step of the joints, (their angles, direction, held)) -> clearance [m], its row.
+        value, jacobian: (step of the joints, their angles) -> clearance [m], its row.
     """
 
     joints: np.ndarray
-    ancestor: int
     value: ca.Function
     jacobian: ca.Function
 
@@ -93,20 +84,15 @@ def _chain(kinematics: CasadiKinematics, first: int, second: int) -> _Chain:
     paths = [up_one[: up_one.index(common)][::-1], up_two[: up_two.index(common)][::-1]]
     moved = [body for path in paths for body in path if int(model.body_jntnum[body])]
     joints = np.array([int(model.jnt_qposadr[int(model.body_jntadr[body])]) - 7 for body in moved])
-    step, parameters = ca.SX.sym("z", len(joints)), ca.SX.sym("p", len(joints) + 4)
-    angle = dict(zip(moved, ca.vertsplit(step + parameters[: len(joints)]), strict=True))
-    direction, held = parameters[len(joints) : -1], parameters[-1]
+    step, angles = ca.SX.sym("z", len(joints)), ca.SX.sym("p", len(joints))
+    angle = dict(zip(moved, ca.vertsplit(step + angles), strict=True))
     ends = [_ends(model, path, angle, capsule) for path, capsule in zip(paths, (one, two), strict=True)]
-    exact, exact_row = clearance_jacobian(step, *ends[0], one.radius, *ends[1], two.radius)
-    along = directed_clearance(direction, *ends[0], one.radius, *ends[1], two.radius)
+    value, row = clearance_jacobian(step, *ends[0], one.radius, *ends[1], two.radius)
     options = {"cse": True}
-    value = ca.if_else(held, along, exact)
-    row = ca.if_else(held, ca.densify(ca.jacobian(along, step)), ca.densify(exact_row))
     return _Chain(
         joints=joints,
-        ancestor=robot.body_names.index(model.body(common).name) if common else -1,
-        value=ca.Function("clearance", [step, parameters], [value], ["z", "p"], ["r"], options),
-        jacobian=ca.Function("clearance_row", [step, parameters], [row], ["z", "p"], ["J"], options),
+        value=ca.Function("clearance", [step, angles], [value], ["z", "p"], ["r"], options),
+        jacobian=ca.Function("clearance_row", [step, angles], [ca.densify(row)], ["z", "p"], ["J"], options),
     )
 
 

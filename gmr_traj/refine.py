@@ -1,0 +1,79 @@
+"""From a robot clip to one that can be followed: levelling, contacts, the whole-clip problem."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gmr_traj.contacts.detect import detect
+from gmr_traj.contacts.schedule import ContactSchedule
+from gmr_traj.exceptions import ClipError, ScheduleError
+from gmr_traj.kinematics.casadi_kinematics import CasadiKinematics
+from gmr_traj.motion import RobotMotion
+from gmr_traj.outcome import SolveReport
+from gmr_traj.problem import Problem
+from gmr_traj.robot import Robot
+from gmr_traj.trust import trust
+from gmr_traj.whole_clip import Progress, Task, solve_clip
+from gmr_traj.windows import solve_windows
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """A refined clip.
+
+    Attributes:
+        motion: the result; same frames, rate and joints as the input.
+        levelled: the input, raised by the schedule's height to stand on the floor.
+        schedule: the stances the result was planted by.
+        report: how the problem was solved.
+    """
+
+    motion: RobotMotion
+    levelled: RobotMotion
+    schedule: ContactSchedule
+    report: SolveReport
+
+
+def refine(
+    motion: RobotMotion,
+    robot: Robot,
+    problem: Problem,
+    *,
+    schedule: ContactSchedule | None = None,
+    window: float | None = None,
+    overlap: float | None = None,
+    progress: Progress | None = None,
+) -> Refinement:
+    """Solve the problem for one clip.
+
+    Args:
+        motion: the input.
+        robot: whose joints it moves, in the same order.
+        problem: terms and solver.
+        schedule: stances, in frames of ``motion``; detected where none is given.
+        window: length of the windows to solve one after another [s]; None for the whole clip at once.
+        overlap: look-ahead of a window beyond the frames that are kept of it [s].
+        progress: called with what is being done, steps done and steps in all.
+
+    Raises:
+        ClipError: the clip's joints are not the robot's, or it is too short to have an acceleration.
+        ScheduleError: the schedule is for another clip.
+    """
+    if motion.joint_names != robot.joint_names:
+        raise ClipError(f"the clip moves {len(motion.joint_names)} joints, the robot {robot.name} has {robot.dof}")
+    if motion.frames < 4:
+        raise ClipError(f"the clip has {motion.frames} frames; at least 4 are needed to speak of smoothness")
+    if schedule is None:
+        schedule = detect(motion, robot)
+    elif schedule.frames != motion.frames:
+        raise ScheduleError(f"the contact schedule has {schedule.frames} frames, the clip {motion.frames}")
+    levelled = motion.shifted(schedule.height)
+    kinematics = CasadiKinematics(robot)
+    task = Task(levelled, levelled, trust(motion), schedule, held=np.zeros(0, int))
+    if window is None:
+        result, report = solve_clip(task, kinematics, problem, progress)
+    else:
+        result, report = solve_windows(task, kinematics, problem, window, overlap, progress)
+    return Refinement(result, levelled, schedule, report)
