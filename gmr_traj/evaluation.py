@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import casadi as ca
 import numpy as np
 
 from gmr_traj.frame_costs import gauss_newton
@@ -79,4 +80,4 @@ def _cost(residual: Residual, x: np.ndarray) -> float:
         return 0.5 * float(residual.weights @ error**2)
     assert isinstance(residual, FrameResidual)
     functions, parameters = gauss_newton(residual)
-    return float(np.sum(functions.value.map(len(residual.frames))(x[residual.columns].T, parameters)))
+    return float(ca.sum2(functions.value.map(len(residual.frames))(x[residual.columns].T, parameters)))
