@@ -17,7 +17,6 @@ def test_the_examples_are_numbered_without_gaps_and_listed():
     assert all(f"]({p.name})" in listed for p in PROGRAMS)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("program", PROGRAMS, ids=lambda p: p.stem)
 def test_example_runs(program, tmp_path):
     variables = os.environ | {"PYTHONPATH": str(EXAMPLES.parent), "OMP_NUM_THREADS": "1"}

@@ -86,7 +86,6 @@ def test_the_command_runs_from_another_folder(installed, tmp_path):
     assert "refine" in problems
 
 
-@pytest.mark.slow
 def test_the_installed_command_refines_the_example(installed, tmp_path):
     example = next(p for p in sorted((ROOT / "examples").glob("*.npz")) if "_refined" not in p.name)
     (tmp_path / example.name).write_bytes(example.read_bytes())

@@ -95,10 +95,11 @@ def cut(motion: RobotMotion, seconds: float) -> RobotMotion:
 
 
 def _print_table(clip: Path, measurements: list[Measurement]) -> None:
-    from rich.console import Console
     from rich.table import Table
 
-    table = Table(title=f"refine {clip.name}")
+    from gmr_traj.cli.terminal import console
+
+    table = Table(box=None, pad_edge=False, header_style="bold")
     for column in ("frames", "iterations", "seconds", "frames/s", "ms/frame", "relative", "peak MB", "status"):
         table.add_column(column, justify="left" if column == "status" else "right")
     base = measurements[0].milliseconds_per_frame
@@ -113,4 +114,6 @@ def _print_table(clip: Path, measurements: list[Measurement]) -> None:
             f"{m.peak_megabytes:.0f}",
             m.status,
         )
-    Console().print(table)
+    screen = console()
+    screen.print(f"refine {clip.name}", markup=False)
+    screen.print(table)

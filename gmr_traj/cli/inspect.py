@@ -10,12 +10,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
 from rich.markup import escape
 
 from gmr_traj import contacts
 from gmr_traj.cli import tables
 from gmr_traj.cli.exit_codes import ExitCode
+from gmr_traj.cli.terminal import console
 from gmr_traj.exceptions import ClipError, GmrTrajError
 from gmr_traj.formats import Clip, read_clip
 from gmr_traj.metrics import Artefact, Figures, clip_score
@@ -26,7 +26,6 @@ from gmr_traj.robot import Robot
 from gmr_traj.robot_loading import load_robot, reduce_robot
 
 SUFFIXES = (".csv", ".npz", ".pickle", ".pkl")
-_WIDTH = 140  # columns of a table that goes to a file or a pipe, which has no width of its own
 
 
 @dataclass(frozen=True)
@@ -151,33 +150,29 @@ def _files(paths: list[Path]) -> Iterator[Path]:
             raise ClipError(f"{path}: no such file or folder")
 
 
-def _console() -> Console:
-    return Console(width=None if sys.stdout.isatty() else _WIDTH, highlight=False)
-
-
 def _print_report(inspection: Inspection, top: int) -> None:
-    console, measured, clip = _console(), inspection.figures, inspection.clip
-    console.print(
+    screen, measured, clip = console(), inspection.figures, inspection.clip
+    screen.print(
         f"[bold]{escape(str(inspection.path))}[/bold]  {clip.format}, {measured.frames} frames at "
         f"{measured.fps:g} Hz ({measured.seconds:.1f} s), score {inspection.score:.2f}"
     )
     for note in clip.notes:
-        console.print(f"  {escape(note)}", style="dim")
+        screen.print(f"  {escape(note)}", style="dim")
     if not inspection.artefacts:
-        console.print("no artefacts")
+        screen.print("no artefacts")
         return
-    console.print()
-    console.print(tables.kinds(inspection.artefacts, measured.seconds))
+    screen.print()
+    screen.print(tables.kinds(inspection.artefacts, measured.seconds))
     shown = min(top, len(inspection.artefacts))
-    console.print(f"\n[bold]the worst {shown} of {len(inspection.artefacts)}[/bold]")
-    console.print(tables.artefacts(inspection.artefacts, top))
+    screen.print(f"\n[bold]the worst {shown} of {len(inspection.artefacts)}[/bold]")
+    screen.print(tables.artefacts(inspection.artefacts, top))
 
 
 def _print_ranking(found: list[Inspection], top: int) -> None:
-    console = _console()
+    screen = console()
     home = Path(os.path.commonpath([i.path.absolute().parent for i in found]))
     rows = [(str(i.path.absolute().relative_to(home)), i.score, i.figures, i.artefacts) for i in found[:top]]
-    console.print(f"[bold]{escape(str(home))}[/bold]: {len(found)} clips, the worst first")
-    console.print(tables.ranking(rows))
+    screen.print(f"[bold]{escape(str(home))}[/bold]: {len(found)} clips, the worst first")
+    screen.print(tables.ranking(rows))
     if len(found) > top:
-        console.print(f"... and {len(found) - top} better ones (--top {len(found)} lists all)", style="dim")
+        screen.print(f"... and {len(found) - top} better ones (--top {len(found)} lists all)", style="dim")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,10 +11,10 @@ import numpy as np
 
 from gmr_traj import atomic
 from gmr_traj._version import __version__
-from gmr_traj.cli import outputs
+from gmr_traj.cli import outputs, tables
 from gmr_traj.cli.exit_codes import ExitCode
 from gmr_traj.cli.loading import load
-from gmr_traj.cli.progress import progress
+from gmr_traj.cli.terminal import console, progress
 from gmr_traj.contacts import schedule_json
 from gmr_traj.contacts.schedule import ContactSchedule
 from gmr_traj.exceptions import ScheduleError
@@ -28,8 +27,6 @@ from gmr_traj.robot import Robot
 
 if TYPE_CHECKING:
     from gmr_traj.cli.arguments import Refine
-
-PIPE_WIDTH = 120
 
 
 def run(arguments: Refine) -> int:
@@ -133,22 +130,16 @@ def _report(
 
 def _show(clip: Clip, target: Path, refinement: Refinement, certificate: Certificate, code: ExitCode) -> None:
     """Print what was decided, what was solved, what it measures, and where it went."""
-    from rich.console import Console
-
-    from gmr_traj.cli import tables
-
-    # Where nobody's window sets the width (a pipe, a log), tables are wide enough not to wrap.
-    console = Console(highlight=False, soft_wrap=False, width=None if sys.stdout.isatty() else PIPE_WIDTH)
+    screen, report = console(), refinement.report
     for note in clip.notes:
-        console.print(f"note: {note}", markup=False)
-    report = refinement.report
-    console.print(
-        f"{report.solver_status}: {clip.motion.frames} frames, {report.iterations} iterations, {report.seconds:.1f} s",
-        markup=False,
+        screen.print(f"note: {note}", markup=False)
+    frames, iterations = clip.motion.frames, report.iterations
+    screen.print(
+        f"{report.solver_status}: {frames} frames, {iterations} iterations, {report.seconds:.1f} s", markup=False
     )
     if report.message:
-        console.print(report.message, markup=False)
-    console.print(tables.certificate(certificate))
+        screen.print(report.message, markup=False)
+    screen.print(tables.certificate(certificate))
     if code is not ExitCode.OK:
-        console.print(code.meaning, markup=False)
-    console.print(f"written: {target}", markup=False, soft_wrap=True)
+        screen.print(code.meaning, markup=False)
+    screen.print(f"written: {target}", markup=False, soft_wrap=True)

@@ -1,4 +1,4 @@
-"""Progress of a long computation on the terminal."""
+"""The terminal: tables on standard output, progress on standard error."""
 
 from __future__ import annotations
 
@@ -6,7 +6,16 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from rich.console import Console
+
 ProgressCallback = Callable[[str, int, int], None]
+
+PIPE_WIDTH = 140  # columns of a table that goes to a file or a pipe, which has no width of its own
+
+
+def console() -> Console:
+    """Standard output."""
+    return Console(width=None if sys.stdout.isatty() else PIPE_WIDTH, highlight=False)
 
 
 @contextmanager
@@ -18,7 +27,6 @@ def progress(wanted: bool) -> Iterator[ProgressCallback | None]:
     if not (wanted and sys.stderr.isatty()):
         yield None
         return
-    from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
