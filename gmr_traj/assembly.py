@@ -12,12 +12,13 @@ def to_dm(matrix: sp.spmatrix) -> ca.DM:
     csc = sp.csc_matrix(matrix)
     csc.sum_duplicates()
     csc.sort_indices()
-    sparsity = ca.Sparsity(*csc.shape, csc.indptr.tolist(), csc.indices.tolist())
+    rows, columns = csc.shape
+    sparsity = ca.Sparsity(rows, columns, csc.indptr.tolist(), csc.indices.tolist())
     return ca.DM(sparsity, csc.data)
 
 
 def frozen(parameters: np.ndarray) -> ca.DM:
-    """Parameters of a mapped function as a dense constant.  # (np, K)"""
+    """Parameters of a mapped function, ``(np, K)``, as a dense constant."""
     return ca.densify(ca.DM(parameters)) if parameters.size else ca.DM.zeros(*parameters.shape)
 
 

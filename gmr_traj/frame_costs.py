@@ -11,7 +11,7 @@ from gmr_traj.residuals import FrameResidual, GaussNewton
 
 
 def gauss_newton(residual: FrameResidual) -> tuple[GaussNewton, np.ndarray]:
-    """Functions of (z, parameters) for ``1/2 sum_i w_i e_i^2``, and the parameters they take.  # (np', K)
+    """Functions of (z, parameters) for ``1/2 sum_i w_i e_i^2``, and the parameters they take, ``(np', K)``.
 
     ``e`` is the distance of the residual from its interval; with ``a_i = 1`` where it is outside and 0 within,
 

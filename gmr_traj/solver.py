@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -65,9 +66,7 @@ def solve(nlp: Nlp, attempts: tuple[Attempt, ...]) -> Solution:
     for attempt in attempts:
         solver = _solver(nlp, attempt)
         started = time.perf_counter()
-        result = solver(
-            x0=start, lbx=nlp.lower, ubx=nlp.upper, lbg=nlp.row_lower, ubg=nlp.row_upper
-        )
+        result = solver(x0=start, lbx=nlp.lower, ubx=nlp.upper, lbg=nlp.row_lower, ubg=nlp.row_upper)
         stats = solver.stats()
         word = str(stats["return_status"])
         if word in ("Invalid_Option", "Invalid_Problem_Definition", "Internal_Error", "Insufficient_Memory"):
@@ -94,7 +93,9 @@ def solve(nlp: Nlp, attempts: tuple[Attempt, ...]) -> Solution:
 
 def _solver(nlp: Nlp, attempt: Attempt) -> ca.Function:
     ipopt = {"print_level": 0, "sb": "yes", "nlp_scaling_method": "none", **attempt.options}
-    options = {
+    # Any: CasADi 3.8 has type stubs, older versions have none.
+    problem: Any = nlp.problem
+    options: Any = {
         "ipopt": ipopt,
         "print_time": False,
         "record_time": True,
@@ -106,7 +107,7 @@ def _solver(nlp: Nlp, attempt: Attempt) -> ca.Function:
         "hess_lag": nlp.hessian,
     }
     try:
-        return ca.nlpsol("refine", "ipopt", nlp.problem, options)
+        return ca.nlpsol("refine", "ipopt", problem, options)
     except RuntimeError as error:
         reason = str(error).strip().splitlines()[-1]
         raise SolverError(f"Ipopt refused the options of strategy {attempt.name}: {reason}") from error

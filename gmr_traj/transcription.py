@@ -96,7 +96,10 @@ class _Costs:
     """The objective: one quadratic form for all linear residuals, mapped functions for the others."""
 
     def __init__(
-        self, size: int, used: Sequence[Used], slack_linear: Sequence[tuple[np.ndarray, np.ndarray]],
+        self,
+        size: int,
+        used: Sequence[Used],
+        slack_linear: Sequence[tuple[np.ndarray, np.ndarray]],
         slack_quadratic: Sequence[tuple[np.ndarray, np.ndarray]],
     ) -> None:
         self.size = size
@@ -111,7 +114,9 @@ class _Costs:
                 continue
             linear = item.residual
             if not np.array_equal(linear.lower, linear.upper):
-                raise ProblemError(f"term {linear.name}: an interval on a linear residual can be hard or soft, not a cost")
+                raise ProblemError(
+                    f"term {linear.name}: an interval on a linear residual can be hard or soft, not a cost"
+                )
             matrix.append(linear.matrix)
             weight.append(linear.weights)
             offset.append(linear.offset - linear.lower)
@@ -143,12 +148,14 @@ class _Costs:
             z, parameter = gather(x, residual.columns), frozen(parameters)
             value += ca.sum2(functions.value.map(count)(z, parameter))
             gradient_sum.add(
-                residual.columns.ravel(), np.zeros(residual.columns.size, int),
+                residual.columns.ravel(),
+                np.zeros(residual.columns.size, int),
                 ca.vec(ca.densify(functions.gradient.map(count)(z, parameter))),
             )
             i, j = (np.array(k) for k in functions.hessian.sparsity_out(0).get_triplet())
             hessian_sum.add(
-                residual.columns[:, i].ravel(), residual.columns[:, j].ravel(),
+                residual.columns[:, i].ravel(),
+                residual.columns[:, j].ravel(),
                 nonzeros(functions.hessian.map(count)(z, parameter)),
             )
         return value, gradient + gradient_sum.total(), hessian_sum.total()
@@ -222,7 +229,8 @@ class _Rows:
                 entry = position.reshape(count, m)[:, i].ravel()
                 select = np.flatnonzero(entry >= 0)
                 total.add(
-                    entry[select], residual.columns[:, j].ravel()[select],
+                    entry[select],
+                    residual.columns[:, j].ravel()[select],
                     nonzeros(residual.jacobian.map(count)(z, parameter))[select.tolist()],
                 )
             if slack.size:
@@ -235,7 +243,7 @@ class _Rows:
 
 
 def gather(x: ca.MX, columns: np.ndarray) -> ca.MX:
-    """Unknowns of each frame, a column a frame.  # (nz, K)"""
+    """Unknowns of each frame, a column a frame, ``(nz, K)``."""
     return ca.reshape(x[columns.ravel().tolist()], columns.shape[1], columns.shape[0])
 
 

@@ -43,9 +43,9 @@ class Variables:
         self._upper[0].reshape(self.frames, self.tangent)[frames] = 0.0
 
     def initial(self) -> np.ndarray:
-        """Starting values.  # (nx,)"""
+        """Starting values, ``(nx,)``."""
         return np.concatenate(self._initial)
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lower and upper bounds.  # (nx,), (nx,)"""
+        """Lower and upper bounds, ``(nx,)`` each."""
         return np.concatenate(self._lower), np.concatenate(self._upper)

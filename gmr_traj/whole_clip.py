@@ -11,7 +11,7 @@ from gmr_traj.contacts.schedule import ContactSchedule
 from gmr_traj.evaluation import Row, evaluate, report
 from gmr_traj.kinematics.casadi_kinematics import CasadiKinematics
 from gmr_traj.motion import RobotMotion
-from gmr_traj.outcome import SolveReport
+from gmr_traj.outcome import SolveReport, TermReport
 from gmr_traj.problem import Problem
 from gmr_traj.solver import Solution, solve
 from gmr_traj.terms.context import Context, stepped
@@ -67,11 +67,7 @@ def solve_clip(
 
 def build(context: Context, variables: Variables, problem: Problem) -> list[Used]:
     """All residuals of the problem about the context's centre."""
-    return [
-        Used(residual, item.use)
-        for item in problem.terms
-        for residual in item.term.residuals(context, variables)
-    ]
+    return [Used(residual, item.use) for item in problem.terms for residual in item.term.residuals(context, variables)]
 
 
 def _missing(context: Context, used: list[Used], problem: Problem) -> set[Row]:
@@ -100,7 +96,7 @@ def _reach(item: Used) -> int:
     return int(columns.max()) if columns.size else 0
 
 
-def _summary(solutions: list[Solution], reports: tuple, missing: set[Row]) -> SolveReport:  # type: ignore[type-arg]
+def _summary(solutions: list[Solution], reports: tuple[TermReport, ...], missing: set[Row]) -> SolveReport:
     last = solutions[-1]
     message = ""
     if missing:

@@ -26,7 +26,11 @@ _ORDER = ("converged", "acceptable", "not converged")
 
 
 def solve_windows(
-    task: Task, kinematics: CasadiKinematics, problem: Problem, window: float, overlap: float | None,
+    task: Task,
+    kinematics: CasadiKinematics,
+    problem: Problem,
+    window: float,
+    overlap: float | None,
     progress: Progress | None = None,
 ) -> tuple[RobotMotion, SolveReport]:
     """Solve the windows of a clip in turn.
@@ -37,6 +41,7 @@ def solve_windows(
         problem: solved in every window.
         window: length of a window [s].
         overlap: look-ahead of a window [s]; None for a quarter of the window.
+        progress: called with what is being done, frames done and frames in all.
 
     Raises:
         ProblemError: lengths that leave nothing to keep of a window.
@@ -46,8 +51,8 @@ def solve_windows(
     ahead = round((0.25 * window if overlap is None else overlap) * fps)
     if ahead < 0 or length - ahead < 2 * HELD:
         raise ProblemError(
-            f"a window of {window:g} s with an overlap of {ahead / fps:g} s keeps {length - ahead} frames at {fps:g} fps; "
-            f"at least {2 * HELD} are needed: choose a longer window or a shorter overlap"
+            f"a window of {window:g} s with an overlap of {ahead / fps:g} s keeps {length - ahead} frames at {fps:g} "
+            f"fps; at least {2 * HELD} are needed: choose a longer window or a shorter overlap"
         )
     qpos = task.centre.qpos.copy()
     reports: list[SolveReport] = []

@@ -52,7 +52,7 @@ def detect(motion: RobotMotion, robot: Robot, settings: DetectionSettings = Dete
 
 
 def sole_points(motion: RobotMotion, robot: Robot) -> tuple[np.ndarray, list[tuple[str, int, str]]]:
-    """World positions of all contact points [m] and (sole, point, part) of each.  # (T, K, 3), K"""
+    """World positions of all contact points [m], ``(T, K, 3)``, and (sole, point, part) of each."""
     positions, rotations = placements(robot, motion.qpos)
     blocks, owners = [], []
     for sole in robot.soles:

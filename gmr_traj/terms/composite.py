@@ -26,7 +26,10 @@ _SMALL_ANGLE_SQUARED = 1e-8
 
 
 def left_jacobian(rotation_vector: Any) -> Any:
-    """Left Jacobian of SO(3): world angular velocity is ``J_l(w) dw/dt`` for the rotation ``Exp(w)``.  # (3, 3)"""
+    """Left Jacobian of SO(3), ``(3, 3)``: the world angular velocity of ``Exp(w)`` is ``J_l(w) dw/dt``.
+
+    ``J_l(w) = I + (1 - cos t) / t^2 [w] + (t - sin t) / t^3 [w]^2`` with t = ``|w|`` [rad].
+    """
     square = ca.sumsqr(rotation_vector)
     small = square < _SMALL_ANGLE_SQUARED
     guarded = ca.if_else(small, 1.0, square)
@@ -82,7 +85,7 @@ class CompositeCost:
         self._touched[slot] = True
 
     def derivatives(self) -> tuple[Any, Any]:
-        """Gradient and upper triangle of the Gauss-Newton Hessian.  # (6 + n, 1), (6 + n, 6 + n)"""
+        """Gradient, ``(6 + n, 1)``, and upper triangle of the Gauss-Newton Hessian, ``(6 + n, 6 + n)``."""
         parents, joints = self._tree()
         size = self._kinematics.tangent_size
         for slot in range(len(parents) - 1, 0, -1):

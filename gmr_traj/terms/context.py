@@ -50,22 +50,22 @@ class Context:
 
     @cached_property
     def placements(self) -> tuple[np.ndarray, np.ndarray]:
-        """World placements of the bodies in the centre motion.  # (T, B, 3), (T, B, 3, 3)"""
+        """World placements of the bodies in the centre motion, ``(T, B, 3)`` and ``(T, B, 3, 3)``."""
         return placements(self.robot, self.centre.qpos)
 
     @cached_property
     def visited_placements(self) -> tuple[tuple[np.ndarray, np.ndarray], ...]:
-        """World placements of the bodies in each visited motion.  # of (T, B, 3), (T, B, 3, 3)"""
+        """World placements of the bodies in each visited motion, ``(T, B, 3)`` and ``(T, B, 3, 3)``."""
         return tuple(placements(self.robot, motion.qpos) for motion in self.visited)
 
     @cached_property
     def target_placements(self) -> tuple[np.ndarray, np.ndarray]:
-        """World placements of the bodies in the target motion.  # (T, B, 3), (T, B, 3, 3)"""
+        """World placements of the bodies in the target motion, ``(T, B, 3)`` and ``(T, B, 3, 3)``."""
         return placements(self.robot, self.target.qpos)
 
     @cached_property
     def coordinates(self) -> np.ndarray:
-        """The centre as a path in the tangent's coordinates.  # (T, 6 + n)
+        """The centre as a path in the tangent's coordinates, ``(T, 6 + n)``.
 
         Base position, base rotation as the running sum of world rotation increments
         ``log(R_t R_{t-1}')``, joints.  Differences of these plus differences of the steps are the velocities of the
@@ -80,7 +80,12 @@ class Context:
 
 
 def stepped(centre: RobotMotion, steps: np.ndarray) -> RobotMotion:
-    """The motion ``q_t (+) v_t``; see :class:`~gmr_traj.kinematics.casadi_kinematics.CasadiKinematics`.  # (T, 6 + n)"""
+    """The motion ``q_t (+) v_t``; see :class:`~gmr_traj.kinematics.casadi_kinematics.CasadiKinematics`.
+
+    Args:
+        centre: q.
+        steps: v.  # (T, 6 + n)
+    """
     qpos = centre.qpos.copy()
     qpos[:, :3] += steps[:, :3]
     turned = Rotation.from_rotvec(steps[:, 3:6]) * Rotation.from_quat(qpos[:, 3:7], scalar_first=True)

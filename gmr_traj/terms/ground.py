@@ -31,6 +31,7 @@ class Ground(Term):
     uses: ClassVar[tuple[str, ...]] = ("cost", "hard", "soft")
 
     def residuals(self, context: Context, variables: Variables) -> list[Residual]:
+        """One residual a sole and a capsule that is not of a foot, over the frames in which it comes near the floor."""
         robot = context.robot
         flat = flat_frames(context)
         shapes: list[tuple[str, str, np.ndarray, float, np.ndarray]] = []
@@ -47,7 +48,13 @@ class Ground(Term):
         return [residual for residual in out if residual is not None]
 
     def _shape(
-        self, context: Context, variables: Variables, name: str, body: str, points: np.ndarray, radius: float,
+        self,
+        context: Context,
+        variables: Variables,
+        name: str,
+        body: str,
+        points: np.ndarray,
+        radius: float,
         left_out: np.ndarray,
     ) -> FrameResidual | None:
         slot = context.robot.body_names.index(body)
@@ -76,14 +83,14 @@ class Ground(Term):
 
 
 def flat_frames(context: Context) -> dict[str, np.ndarray]:
-    """For each sole the frames in which every contact point is in stance.  # (T,) bool"""
-    out = {}
+    """For each sole whether all its contact points are in stance, ``(T,)``."""
+    out: dict[str, np.ndarray] = {}
     for sole in context.robot.soles:
         resting = np.zeros((context.frames, len(sole.points)), bool)
         for stance in context.schedule.stances:
             if stance.sole == sole.name:
                 resting[stance.start : stance.stop, stance.point] = True
-        out[sole.name] = resting.all(axis=1)
+        out[sole.name] = np.asarray(resting.all(axis=1))
     return out
 
 
@@ -104,5 +111,7 @@ def _functions(
     )
     options = {"cse": True}
     value = ca.Function("height", [step, reference], [heights], ["z", "p"], ["r"], options)
-    jacobian = ca.Function("height_jacobian", [step, reference], [ca.jacobian(heights, step)], ["z", "p"], ["J"], options)
+    jacobian = ca.Function(
+        "height_jacobian", [step, reference], [ca.jacobian(heights, step)], ["z", "p"], ["J"], options
+    )
     return value, jacobian

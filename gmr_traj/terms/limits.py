@@ -35,6 +35,7 @@ class JointPosition(Term):
     uses: ClassVar[tuple[str, ...]] = ("hard",)
 
     def residuals(self, context: Context, variables: Variables) -> list[Residual]:
+        """One row a joint and frame: bounds on the tangent steps."""
         columns = variables.steps[:, 6:]
         m, robot = columns.size, context.robot
         middle = 0.5 * (robot.position_lower + robot.position_upper)
@@ -68,10 +69,11 @@ class _RateLimit(Term):
     label: ClassVar[str]
 
     def limit(self, context: Context) -> np.ndarray:
-        """The robot's limit [rad/s^k].  # (n,)"""
+        """The robot's limit [rad/s^k], ``(n,)``."""
         raise NotImplementedError
 
     def residuals(self, context: Context, variables: Variables) -> list[Residual]:
+        """One row a joint and frame that comes near its limit."""
         d = difference(context.frames, self.order) / context.dt**self.order
         if not d.shape[0]:
             return []
@@ -113,6 +115,7 @@ class JointVelocity(_RateLimit):
     label: ClassVar[str] = "joint_velocity"
 
     def limit(self, context: Context) -> np.ndarray:
+        """Largest joint speeds [rad/s], ``(n,)``."""
         return context.robot.velocity_limit
 
 
@@ -124,4 +127,5 @@ class JointAcceleration(_RateLimit):
     label: ClassVar[str] = "joint_acceleration"
 
     def limit(self, context: Context) -> np.ndarray:
+        """Largest joint accelerations [rad/s^2], ``(n,)``."""
         return context.robot.acceleration_limit

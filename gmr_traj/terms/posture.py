@@ -23,6 +23,7 @@ class Posture(Term):
     uses: ClassVar[tuple[str, ...]] = ("cost",)
 
     def residuals(self, context: Context, variables: Variables) -> list[Residual]:
+        """One row a joint and frame."""
         columns = variables.steps[:, 6:]
         m = columns.size
         offset = context.centre.qpos[:, 7:] - context.target.qpos[:, 7:]

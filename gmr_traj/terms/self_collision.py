@@ -35,6 +35,7 @@ class SelfCollision(Term):
     uses: ClassVar[tuple[str, ...]] = ("cost", "hard", "soft")
 
     def residuals(self, context: Context, variables: Variables) -> list[Residual]:
+        """One residual a pair of capsules, over the frames in which they come close."""
         close: list[Candidate] = []
         for positions, rotations in context.visited_placements:
             close = candidates(context.robot, positions, rotations, self.near, keep=close)

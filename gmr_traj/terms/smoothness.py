@@ -20,7 +20,7 @@ from gmr_traj.variables import Variables
 
 
 def difference(frames: int, order: int) -> sp.csr_matrix:
-    """The k-th forward difference over time.  # (T - k, T)"""
+    """The k-th forward difference over time, ``(T - k, T)``; no rows where there are not enough frames."""
     matrix = sp.identity(frames, format="csr")
     for _ in range(order):
         n = matrix.shape[0]
@@ -33,7 +33,7 @@ def difference(frames: int, order: int) -> sp.csr_matrix:
 
 @dataclass(frozen=True)
 class _Smoothness(Term):
-    """Fields: scales of the derivative, for the base's position [m/s^k] and rotation [rad/s^k] and the joints [rad/s^k]."""
+    """Fields: scales of the derivative: ``base_position`` [m/s^k], ``base_rotation`` and ``joints`` [rad/s^k]."""
 
     base_position: float
     base_rotation: float
@@ -44,6 +44,7 @@ class _Smoothness(Term):
     label: ClassVar[str]
 
     def residuals(self, context: Context, variables: Variables) -> list[Residual]:
+        """Three residuals over the whole clip: base position, base rotation, joints."""
         rate = 1.0 / context.dt**self.order
         d = difference(context.frames, self.order) * rate
         if not d.shape[0]:

@@ -35,6 +35,7 @@ class StanceAnchor(Term):
     uses: ClassVar[tuple[str, ...]] = ("cost",)
 
     def residuals(self, context: Context, variables: Variables) -> list[Residual]:
+        """One residual a sole, over the frames in which any of its points is in stance; adds the anchors."""
         positions, rotations = context.placements
         out: list[Residual] = []
         for sole in context.robot.soles:

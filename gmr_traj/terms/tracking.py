@@ -2,8 +2,9 @@
 
     phi_t = trust_t sum_b [ k_b rho(|p_b - p*_b|) / position^2 + l_b (3 - tr(R*_b' R_b)) / (2 orientation^2) ] dt
 
-with the pseudo-Huber function ``rho(e) = s^2 (sqrt(1 + e^2 / s^2) - 1)``, quadratic up to about s = ``robust``, and the robot's relative weights k_b, l_b.  A frame that the target cannot be trusted in (a jump, the transient of
-the first frames) counts less, so that the smoothness terms carry the motion across it.
+with the pseudo-Huber function ``rho(e) = s^2 (sqrt(1 + e^2 / s^2) - 1)``, quadratic up to about s = ``robust``, and
+the robot's relative weights k_b, l_b.  A frame that the target cannot be trusted in (a jump, the transient of the
+first frames) counts less, so that the smoothness terms carry the motion across it.
 """
 
 from __future__ import annotations
@@ -34,6 +35,7 @@ class Tracking(Term):
     uses: ClassVar[tuple[str, ...]] = ("cost",)
 
     def residuals(self, context: Context, variables: Variables) -> list[Residual]:
+        """One residual: all key bodies in all frames."""
         robot = context.robot
         slots = [robot.body_names.index(key.body) for key in robot.key_bodies]
         positions, rotations = context.target_placements
