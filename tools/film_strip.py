@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-import matplotlib.image
+import matplotlib.pyplot as plt
 import mujoco
 import numpy as np
 
@@ -20,7 +20,7 @@ from gmr_traj.motion import RobotMotion
 from gmr_traj.robot import Robot
 from gmr_traj.robot_loading import load_robot, reduce_robot
 
-WIDTH, HEIGHT = 240, 320
+WIDTH, HEIGHT = 220, 260
 BODY, OVERLAP, FLOOR = (0.55, 0.6, 0.66, 1.0), (0.85, 0.2, 0.2, 1.0), (1.0, 1.0, 1.0, 1.0)
 OVERLAP_DEPTH = 1e-3  # [m]
 
@@ -57,7 +57,7 @@ def row(motion: RobotMotion, robot: Robot, frames: np.ndarray, azimuth: float) -
     data = mujoco.MjData(model)
     renderer = mujoco.Renderer(model, HEIGHT, WIDTH)
     camera = mujoco.MjvCamera()
-    camera.distance, camera.azimuth, camera.elevation = 2.6, azimuth, -10.0
+    camera.distance, camera.azimuth, camera.elevation = 2.1, azimuth, -8.0
     seen = observe(motion, robot)
     index = {name: i for i, name in enumerate(robot.body_names)}
     pictures = []
@@ -87,8 +87,10 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, nargs=2, help="stretch of the clips to show (default: all)")
     parser.add_argument("--azimuth", type=float, default=140.0, help="of the camera [deg] (default: %(default)s)")
     arguments = parser.parse_args()
-    rows = []
-    for path in arguments.clips:
+    count = len(arguments.clips)
+    size = (arguments.columns * WIDTH / 100, count * HEIGHT / 100)
+    figure, axes = plt.subplots(count, 1, figsize=size, squeeze=False, layout="compressed")
+    for axis, path in zip(axes[:, 0], arguments.clips, strict=True):
         robot = load_robot("unitree_g1")
         motion = read_clip(path, robot).motion
         if motion.joint_names != robot.joint_names:
@@ -96,8 +98,13 @@ def main() -> None:
         begin, end = arguments.seconds or (0.0, motion.duration)
         first, last = int(begin * motion.fps), min(motion.frames, int(np.ceil(end * motion.fps))) - 1
         frames = np.linspace(first, last, arguments.columns).round().astype(int)
-        rows.append(row(motion, robot, frames, arguments.azimuth))
-    matplotlib.image.imsave(arguments.picture, np.concatenate(rows, axis=0))
+        axis.imshow(row(motion, robot, frames, arguments.azimuth))
+        axis.set_xticks(WIDTH * (np.arange(len(frames)) + 0.5), [f"{t / motion.fps:.2f} s" for t in frames])
+        axis.set_yticks([])
+        axis.set_ylabel(path.name)
+        axis.tick_params(length=0)
+        axis.spines[:].set_visible(False)
+    figure.savefig(arguments.picture, dpi=100)
 
 
 if __name__ == "__main__":
