@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
@@ -10,13 +11,13 @@ from typing import Any
 
 from gmr_traj import resources
 from gmr_traj.exceptions import ProblemError
-from gmr_traj.solver import Attempt
+from gmr_traj.solver import Attempt, refused_options
 from gmr_traj.terms import TERMS
 from gmr_traj.terms.term import Term
 from gmr_traj.toml_table import Table
 
-# Fields that may be zero; all others must be positive.
-_MAY_BE_ZERO = ("clearance", "margin")
+# Fields that may be zero or negative; all others must be positive.
+_ANY_SIGN = ("clearance", "margin")
 
 
 @dataclass(frozen=True)
@@ -55,28 +56,27 @@ def load_problem(name_or_path: str | Path = "refine") -> Problem:
 
     Raises:
         ResourceError: there is no such problem; the message lists those that exist.
-        ProblemError: the file is not TOML, or names an unknown term, use, field or strategy.
+        ProblemError: the file is not TOML, names an unknown term, use or field, a value out of range, no strategy, or
+            an option that Ipopt does not take.
     """
     path = resources.find("problems", str(name_or_path))
     try:
-        content = tomllib.loads(path.read_text())
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ProblemError(f"{path}: this is not TOML: {error}") from None
     table = Table(path, "", content, ProblemError)
     name = table.text("name")
+    table.text("description", "")
     passes = table.get("passes", 3, required=False)
     if not isinstance(passes, int) or isinstance(passes, bool) or not 1 <= passes <= 20:
         raise table.error(f"passes is {passes!r}; expected a whole number from 1 to 20")
-    entries = table.get("terms")
-    if not isinstance(entries, list) or not entries:
-        raise table.error("has no [[terms]]; expected at least one")
-    terms = tuple(_term(Table(path, f"terms[{k}]", entry, ProblemError)) for k, entry in enumerate(entries))
-    solver = Table(path, "solver", table.get("solver"), ProblemError)
-    known = {"name", "description", "passes", "terms", "solver"}
-    for key in content:
-        if key not in known:
-            raise table.error(f"has an unknown field {key!r}; known are {', '.join(sorted(known))}")
-    return Problem(name, path, terms, passes, _strategies(solver, "first"), _strategies(solver, "again"))
+    terms = tuple(_term(entry) for entry in table.tables("terms"))
+    solver = table.table("solver")
+    options = solver.table("options", required=False).values
+    first, again = (tuple(_strategy(entry, options) for entry in solver.tables(key)) for key in ("first", "again"))
+    solver.done()
+    table.done()
+    return Problem(name, path, terms, passes, first, again)
 
 
 def _term(table: Table) -> UsedTerm:
@@ -84,32 +84,28 @@ def _term(table: Table) -> UsedTerm:
     if name not in TERMS:
         raise table.error(f"has type {name!r}; there are {', '.join(sorted(TERMS))}")
     kind = TERMS[name]
+    table.where += f" ({name})"
     if use not in kind.uses:
-        raise table.error(f"uses {name} as {use!r}; it can be {', '.join(kind.uses)}")
-    wanted = [field.name for field in fields(kind)]
-    for key in table.values:
-        if key not in (*wanted, "type", "use"):
-            raise table.error(f"({name}) has an unknown field {key!r}; known are {', '.join(wanted)}")
-    return UsedTerm(name, kind(**{key: _number(table, key) for key in wanted}), use)
+        raise table.error(f"has use {use!r}; it can be {', '.join(kind.uses)}")
+    values = {field.name: _number(table, field.name) for field in fields(kind)}
+    table.done()
+    return UsedTerm(name, kind(**values), use)
 
 
 def _number(table: Table, key: str) -> float:
     value = table.get(key)
-    lowest = 0.0 if key in _MAY_BE_ZERO else None
-    good = isinstance(value, int | float) and not isinstance(value, bool) and abs(float(value)) < float("inf")
-    if not good or (value < 0 if lowest == 0.0 else value <= 0):
-        raise table.error(f"{key} is {value!r}; expected a {'non-negative' if lowest == 0.0 else 'positive'} number")
+    # A whole number in TOML may be too large for a float; comparing them is exact.
+    good = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
+    if not good or (value <= 0 and key not in _ANY_SIGN):
+        raise table.error(f"{key} is {value!r}; expected a {'' if key in _ANY_SIGN else 'positive '}number")
     return float(value)
 
 
-def _strategies(solver: Table, key: str) -> tuple[Attempt, ...]:
-    entries = solver.get(key)
-    if not isinstance(entries, list) or not entries:
-        raise solver.error(f"{key} is {entries!r}; expected at least one strategy, [[solver.{key}]]")
-    out = []
-    common: Mapping[str, Any] = solver.get("options", {}, required=False)
-    for k, entry in enumerate(entries):
-        table = Table(solver.path, f"solver.{key}[{k}]", entry, ProblemError)
-        options = {**common, **{option: value for option, value in table.values.items() if option != "name"}}
-        out.append(Attempt(table.text("name"), options))
-    return tuple(out)
+def _strategy(table: Table, common: Mapping[str, Any]) -> Attempt:
+    name = table.text("name")
+    own = {option: value for option, value in table.values.items() if option != "name"}
+    refused = refused_options({**common, **own})
+    if refused:
+        option, value = next(iter(refused.items()))
+        raise table.error(f"({name}): Ipopt does not take {option} = {value!r}; see Ipopt's list of options")
+    return Attempt(name, {**common, **own})

@@ -8,7 +8,7 @@ import numpy as np
 
 from gmr_traj.contacts.detect import detect
 from gmr_traj.contacts.schedule import ContactSchedule
-from gmr_traj.exceptions import ClipError, ScheduleError
+from gmr_traj.exceptions import ClipError, ProblemError, ScheduleError
 from gmr_traj.kinematics.casadi_kinematics import CasadiKinematics
 from gmr_traj.motion import RobotMotion
 from gmr_traj.outcome import SolveReport
@@ -60,11 +60,17 @@ def refine(
     Raises:
         ClipError: the clip's joints are not the robot's, or it is too short to have an acceleration.
         ScheduleError: the schedule is for another clip.
+        ProblemError: an overlap without a window, or windows that cannot be; a term that cannot be what it is used as.
+        SolverError: Ipopt could not be run.
     """
     if motion.joint_names != robot.joint_names:
         raise ClipError(f"the clip moves {len(motion.joint_names)} joints, the robot {robot.name} has {robot.dof}")
     if motion.frames < 4:
         raise ClipError(f"the clip has {motion.frames} frames; at least 4 are needed to speak of smoothness")
+    if window is None and overlap is not None:
+        raise ProblemError(
+            f"an overlap of {overlap:g} s is of windows, and there are none: give a window's length, too"
+        )
     if schedule is None:
         schedule = detect(motion, robot)
     elif schedule.frames != motion.frames:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Any
 
 import casadi as ca
@@ -15,7 +18,11 @@ from gmr_traj.transcription import Nlp
 
 CONVERGED = ("Solve_Succeeded",)
 ACCEPTABLE = ("Solved_To_Acceptable_Level",)
+#: What a solution can be, the best first.
+RANKING = ("converged", "acceptable", "not converged")
 INTERRUPTED = ("User_Requested_Stop",)
+_UNUSABLE = ("Invalid_Option", "Invalid_Problem_Definition", "Internal_Error", "Insufficient_Memory")
+_SILENT = {"print_level": 0, "sb": "yes"}
 
 
 @dataclass(frozen=True)
@@ -53,6 +60,30 @@ class Solution:
     trace: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
 
+@lru_cache(maxsize=256)
+def _taken(option: str, value: object) -> bool:
+    """Whether Ipopt takes an option with this value, tried on a problem of one variable."""
+    x = ca.MX.sym("x")
+    problem: Any = {"x": x, "f": x**2}
+    options: Any = {"ipopt": {**_SILENT, option: value}, "print_time": False, "error_on_fail": False}
+    with contextlib.redirect_stdout(io.StringIO()):  # Ipopt explains a refusal in many lines
+        try:
+            solver = ca.nlpsol("option", "ipopt", problem, options)
+            solver(x0=0.0)
+        except RuntimeError:
+            return False
+    return str(solver.stats()["return_status"]) not in _UNUSABLE
+
+
+def refused_options(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Those of Ipopt's options that it does not know, or not with this value."""
+    return {
+        option: value
+        for option, value in options.items()
+        if not isinstance(value, int | float | str) or not _taken(option, value)
+    }
+
+
 def solve(nlp: Nlp, attempts: tuple[Attempt, ...]) -> Solution:
     """Try the attempts in turn, each from where the last one stopped, until one converges.
 
@@ -69,7 +100,7 @@ def solve(nlp: Nlp, attempts: tuple[Attempt, ...]) -> Solution:
         result = solver(x0=start, lbx=nlp.lower, ubx=nlp.upper, lbg=nlp.row_lower, ubg=nlp.row_upper)
         stats = solver.stats()
         word = str(stats["return_status"])
-        if word in ("Invalid_Option", "Invalid_Problem_Definition", "Internal_Error", "Insufficient_Memory"):
+        if word in _UNUSABLE:
             raise SolverError(f"Ipopt stopped with {word} (strategy {attempt.name})")
         if word in INTERRUPTED:
             raise KeyboardInterrupt
@@ -79,20 +110,25 @@ def solve(nlp: Nlp, attempts: tuple[Attempt, ...]) -> Solution:
             float(value) for key, value in stats.items() if key.startswith("t_wall_nlp_") and key != "t_wall_nlp_total"
         )
         x = np.array(result["x"]).ravel()
-        trace = {key: tuple(map(float, values)) for key, values in stats.get("iterations", {}).items()}
         status = "converged" if word in CONVERGED else "acceptable" if word in ACCEPTABLE else "not converged"
-        best = Solution(x, status, word, attempt.name, iterations, seconds, evaluation, float(result["f"]), trace)
-        if status == "converged" and np.isfinite(x).all():
+        if not np.isfinite(x).all():
+            x, status = start, "not converged"
+        trace = {key: tuple(map(float, values)) for key, values in stats.get("iterations", {}).items()}
+        latest = Solution(x, status, word, attempt.name, iterations, seconds, evaluation, float(result["f"]), trace)
+        # An acceptable solution is not given up for a later attempt that fails.
+        if best is None or RANKING.index(status) <= RANKING.index(best.status):
+            best = latest
+        best = replace(best, iterations=iterations, seconds=seconds, evaluation_seconds=evaluation)
+        if status == "converged":
             return best
-        if np.isfinite(x).all():
-            start = x
+        start = x
     if best is None:
         raise SolverError("the problem names no solver strategy")
     return best
 
 
 def _solver(nlp: Nlp, attempt: Attempt) -> ca.Function:
-    ipopt = {"print_level": 0, "sb": "yes", "nlp_scaling_method": "none", **attempt.options}
+    ipopt = {**_SILENT, "nlp_scaling_method": "none", **attempt.options}
     # Any: CasADi 3.8 has type stubs, older versions have none.
     problem: Any = nlp.problem
     options: Any = {

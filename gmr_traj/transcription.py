@@ -61,6 +61,10 @@ class Nlp:
 def transcribe(variables: Variables, used: Sequence[Used]) -> Nlp:
     """Assemble the program.
 
+    Unknowns that are held stay where they are held, whatever bounds the constraints ask of them, and constraint rows
+    about nothing but held unknowns are left out: no solution could change them, and a rounding error in what is held
+    would leave the program without one.
+
     Raises:
         ProblemError: on a use a residual cannot have.
     """
@@ -73,6 +77,12 @@ def transcribe(variables: Variables, used: Sequence[Used]) -> Nlp:
     lower, upper = variables.bounds()
     np.maximum.at(lower, rows.bound_index, rows.bound_lower)
     np.minimum.at(upper, rows.bound_index, rows.bound_upper)
+    crossed = np.flatnonzero(lower > upper)
+    if crossed.size:
+        raise ProblemError(
+            f"hard constraints leave no value to unknown {crossed[0]}: it must be at least {lower[crossed[0]]:g} and "
+            f"at most {upper[crossed[0]]:g} ({crossed.size} such unknowns)"
+        )
     return Nlp(
         problem={"x": x, "p": p, "f": value, "g": g},
         gradient=ca.Function("grad_f", [x, p], [value, gradient], ["x", "p"], ["f", "grad_f_x"]),
@@ -170,12 +180,15 @@ class _Rows:
         bounds_index, bounds_lower, bounds_upper = [], [], []
         self.blocks: list[tuple[Residual, np.ndarray, np.ndarray]] = []  # residual, rows kept (flat), slack columns
         lower, upper = [], []
+        free = np.less(*variables.bounds())
         for item in used:
             if item.use == "cost":
                 continue
             residual = item.residual
+            if isinstance(residual, FrameResidual) and residual.jacobian is None:
+                raise ProblemError(f"term {residual.name} can only be a cost, not {item.use}")
             low, high = residual.lower.ravel(order="F"), residual.upper.ravel(order="F")
-            keep = np.isfinite(low) | np.isfinite(high)
+            keep = (np.isfinite(low) | np.isfinite(high)) & _changeable(residual, free)
             slack = np.zeros(0, int)
             if isinstance(residual, LinearResidual):
                 low, high = low - residual.offset, high - residual.offset
@@ -250,6 +263,15 @@ def gather(x: ca.MX, columns: np.ndarray) -> ca.MX:
 def nonzeros(matrix: ca.MX) -> ca.MX:
     """Nonzeros of a matrix as a column, in column-major order."""
     return ca.vec(matrix.nz[:])
+
+
+def _changeable(residual: Residual, free: np.ndarray) -> np.ndarray:
+    """Rows that name a free unknown, or none at all (those are as true or false as they are)."""
+    if isinstance(residual, FrameResidual):
+        return np.repeat(free[residual.columns].any(axis=1), len(residual.rows))
+    matrix = residual.matrix
+    named = sp.csr_matrix((np.ones(len(matrix.data)), matrix.indices, matrix.indptr), shape=matrix.shape)
+    return np.asarray((named @ free[: matrix.shape[1]].astype(float) > 0) | (np.diff(matrix.indptr) == 0))
 
 
 def _widen(blocks: Sequence[sp.csr_matrix], size: int) -> sp.csr_matrix:

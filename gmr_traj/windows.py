@@ -7,6 +7,7 @@ looks ``overlap`` seconds ahead of what is kept of it.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -17,12 +18,11 @@ from gmr_traj.kinematics.casadi_kinematics import CasadiKinematics
 from gmr_traj.motion import RobotMotion
 from gmr_traj.outcome import SolveReport, TermReport
 from gmr_traj.problem import Problem
+from gmr_traj.solver import RANKING
 from gmr_traj.whole_clip import Progress, Task, solve_clip
 
 # Frames held at the start of a window: they carry position, velocity and acceleration across the seam.
 HELD = 3
-
-_ORDER = ("converged", "acceptable", "not converged")
 
 
 def solve_windows(
@@ -44,8 +44,11 @@ def solve_windows(
         progress: called with what is being done, frames done and frames in all.
 
     Raises:
-        ProblemError: lengths that leave nothing to keep of a window.
+        ProblemError: lengths that are no lengths, or leave nothing to keep of a window.
     """
+    for name, seconds in (("window", window), ("overlap", overlap)):
+        if seconds is not None and not math.isfinite(seconds):
+            raise ProblemError(f"the {name} is {seconds:g} s; expected a number of seconds")
     fps, frames = task.centre.fps, task.centre.frames
     length = round(window * fps)
     ahead = round((0.25 * window if overlap is None else overlap) * fps)
@@ -110,7 +113,7 @@ def _merged(reports: list[SolveReport]) -> SolveReport:
             continue
         worse = term if term.violation > known.violation else known
         terms[term.name, term.use] = replace(worse, rows=known.rows + term.rows, value=known.value + term.value)
-    worst = max(reports, key=lambda report: _ORDER.index(report.status))
+    worst = max(reports, key=lambda report: RANKING.index(report.status))
     return SolveReport(
         status=worst.status,
         solver_status=worst.solver_status,
