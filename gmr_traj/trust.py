@@ -4,21 +4,50 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d
+from scipy.spatial.transform import Rotation
 
 from gmr_traj.motion import RobotMotion
 
-# Joint acceleration that hardly any human motion asks of a robot [rad/s^2]; what lies above is taken for a fault.
-PLAUSIBLE_ACCELERATION = 150.0
+# Accelerations that hardly any human motion asks of a robot; what lies above is taken for a fault.
+PLAUSIBLE_JOINT = 150.0  # [rad/s^2]
+PLAUSIBLE_BASE = 60.0  # [m/s^2]
+PLAUSIBLE_TURN = 150.0  # [rad/s^2]
 # A fault spoils the frames around it [s].
 REACH = 0.08
+# Frames at either end that a fault separates from the rest are part of the fault if there are at most this many [s].
+END = 0.25
+# Trust left to frames that are known to be wrong: enough to keep the problem well posed.
+NONE = 1e-4
 
 
 def trust(motion: RobotMotion) -> np.ndarray:
-    """``1 / (1 + (a / a0 - 1)^2)`` for frames near a joint acceleration a above a0, else 1.  # (T,)"""
-    joints = motion.qpos[:, 7:]
-    if motion.frames < 3:
-        return np.ones(motion.frames)
-    acceleration = np.abs(np.diff(joints, 2, axis=0)).max(axis=1) * motion.fps**2
-    acceleration = np.concatenate([acceleration[:1], acceleration, acceleration[-1:]])
-    excess = np.maximum(0.0, acceleration / PLAUSIBLE_ACCELERATION - 1.0)
-    return 1.0 / (1.0 + maximum_filter1d(excess, 2 * max(1, round(REACH * motion.fps)) + 1) ** 2)
+    """``1 / (1 + e^2)`` near an acceleration e times above plausible, else 1; almost 0 for spoiled ends.  # (T,)
+
+    Frame-by-frame retargeting starts from some posture of its own and takes a few frames to reach the motion; those
+    frames say nothing.  Whatever lies between the start of a clip and a fault within its first frames (likewise at
+    the end) is distrusted altogether, so that smoothness continues the motion into them.
+    """
+    frames = motion.frames
+    if frames < 3:
+        return np.ones(frames)
+    excess = np.maximum(0.0, _acceleration_ratio(motion) - 1.0)
+    out = 1.0 / (1.0 + maximum_filter1d(excess, 2 * max(1, round(REACH * motion.fps)) + 1) ** 2)
+    end = min(round(END * motion.fps), frames // 4)
+    faulty = np.flatnonzero(excess > 0.5)
+    first, last = faulty[faulty <= end], faulty[faulty >= frames - 1 - end]
+    if first.size:
+        out[: first[-1] + 1] = NONE
+    if last.size:
+        out[last[0] :] = NONE
+    return np.asarray(out)
+
+
+def _acceleration_ratio(motion: RobotMotion) -> np.ndarray:
+    """Largest acceleration of a frame as a share of what is plausible.  # (T,)"""
+    qpos, fps = motion.qpos, motion.fps
+    joints = np.abs(np.diff(qpos[:, 7:], 2, axis=0)).max(axis=1, initial=0.0) * fps**2 / PLAUSIBLE_JOINT
+    base = np.linalg.norm(np.diff(qpos[:, :3], 2, axis=0), axis=1) * fps**2 / PLAUSIBLE_BASE
+    rotation = Rotation.from_quat(qpos[:, 3:7], scalar_first=True)
+    turn = np.linalg.norm(np.diff((rotation[1:] * rotation[:-1].inv()).as_rotvec(), axis=0), axis=1) * fps**2
+    inner = np.maximum(np.maximum(joints, base), turn / PLAUSIBLE_TURN)
+    return np.concatenate([inner[:1], inner, inner[-1:]])

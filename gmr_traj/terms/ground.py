@@ -1,7 +1,8 @@
 """Nothing goes below the floor: ``r = z - radius >= clearance`` for points of the soles and ends of the capsules.
 
-Rows are built where the centre motion comes within ``near`` of the floor; ``refine`` checks the rest afterwards.  A
-sole's outline is left out in frames where all its contact points are in stance: the anchors hold it on the floor.
+Rows are built where a visited motion comes within ``near`` of the floor; ``refine`` checks the rest afterwards.  A
+clearance just below zero (feet may press half a millimetre into the floor) keeps the rows of feet in stance, which
+their anchors hold at zero, from all being active at once.
 """
 
 from __future__ import annotations
@@ -33,17 +34,16 @@ class Ground(Term):
     def residuals(self, context: Context, variables: Variables) -> list[Residual]:
         """One residual a sole and a capsule that is not of a foot, over the frames in which it comes near the floor."""
         robot = context.robot
-        flat = flat_frames(context)
-        shapes: list[tuple[str, str, np.ndarray, float, np.ndarray]] = []
+        shapes: list[tuple[str, str, np.ndarray, float]] = []
         for sole in robot.soles:
             outline = sole.outline if len(sole.outline) else sole.points
-            shapes.append((f"{sole.name} sole", sole.body, outline, 0.0, flat[sole.name]))
+            shapes.append((f"{sole.name} sole", sole.body, outline, 0.0))
         under = {sole.body for sole in robot.soles}
         for capsule in robot.capsules:
             if capsule.body in under:
                 continue  # the sole's outline is the lowest part of a foot
             ends = np.unique(np.stack([capsule.start, capsule.end]), axis=0)
-            shapes.append((capsule.name, capsule.body, ends, capsule.radius, np.zeros(context.frames, bool)))
+            shapes.append((capsule.name, capsule.body, ends, capsule.radius))
         out = [self._shape(context, variables, *shape) for shape in shapes]
         return [residual for residual in out if residual is not None]
 
@@ -55,13 +55,12 @@ class Ground(Term):
         body: str,
         points: np.ndarray,
         radius: float,
-        left_out: np.ndarray,
     ) -> FrameResidual | None:
         slot = context.robot.body_names.index(body)
         built = np.zeros((context.frames, len(points)), bool)
         for positions, rotations in context.visited_placements:
             height = positions[:, slot, None, 2] + rotations[:, slot, 2] @ points.T - radius  # (T, m)
-            built |= (height < self.near) & ~left_out[:, None]
+            built |= height < self.near
         frames = np.flatnonzero(built.any(axis=1))
         if not frames.size:
             return None
@@ -80,18 +79,6 @@ class Ground(Term):
             upper=np.full(shape, np.inf),
             weights=np.full(shape, context.dt / self.scale**2),
         )
-
-
-def flat_frames(context: Context) -> dict[str, np.ndarray]:
-    """For each sole whether all its contact points are in stance, ``(T,)``."""
-    out: dict[str, np.ndarray] = {}
-    for sole in context.robot.soles:
-        resting = np.zeros((context.frames, len(sole.points)), bool)
-        for stance in context.schedule.stances:
-            if stance.sole == sole.name:
-                resting[stance.start : stance.stop, stance.point] = True
-        out[sole.name] = np.asarray(resting.all(axis=1))
-    return out
 
 
 @lru_cache(maxsize=256)
