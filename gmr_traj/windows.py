@@ -46,13 +46,14 @@ def solve_windows(
     Raises:
         ProblemError: lengths that are no lengths, or leave nothing to keep of a window.
     """
-    for name, seconds in (("window", window), ("overlap", overlap)):
-        if seconds is not None and not math.isfinite(seconds):
-            raise ProblemError(f"the {name} is {seconds:g} s; expected a number of seconds")
+    if not (math.isfinite(window) and window > 0):
+        raise ProblemError(f"the window is {window:g} s; expected a positive number of seconds")
+    if overlap is not None and not (math.isfinite(overlap) and overlap >= 0):
+        raise ProblemError(f"the overlap is {overlap:g} s; expected a number of seconds, zero or more")
     fps, frames = task.centre.fps, task.centre.frames
     length = round(window * fps)
     ahead = round((0.25 * window if overlap is None else overlap) * fps)
-    if ahead < 0 or length - ahead < 2 * HELD:
+    if length - ahead < 2 * HELD:
         raise ProblemError(
             f"a window of {window:g} s with an overlap of {ahead / fps:g} s keeps {length - ahead} frames at {fps:g} "
             f"fps; at least {2 * HELD} are needed: choose a longer window or a shorter overlap"
