@@ -183,3 +183,5 @@ def test_the_example_refines_for_real_and_twice_the_same(clip, capsys):
     assert main(["refine", "punch.npz", "--output", "a.npz"]) == ExitCode.OK, capsys.readouterr().out
     assert main(["refine", "punch.npz", "--output", "b.npz"]) == ExitCode.OK
     assert (clip.parent / "a.npz").read_bytes() == (clip.parent / "b.npz").read_bytes()
+    reports = [(clip.parent / f"{name}.npz.report.json").read_text() for name in "ab"]
+    assert reports[0] == reports[1].replace('"b.npz"', '"a.npz"')

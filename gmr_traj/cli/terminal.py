@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 
-ProgressCallback = Callable[[str, int, int], None]
+if TYPE_CHECKING:
+    from gmr_traj.whole_clip import Progress
 
 PIPE_WIDTH = 140  # columns of a table that goes to a file or a pipe, which has no width of its own
 
@@ -19,7 +21,7 @@ def console() -> Console:
 
 
 @contextmanager
-def progress(wanted: bool) -> Iterator[ProgressCallback | None]:
+def progress(wanted: bool) -> Iterator[Progress | None]:
     """A callback ``(stage, done, total)`` that draws a bar a stage on stderr; None where nobody is looking.
 
     A ``total`` of zero means that it is not known; the bar then only moves.
@@ -27,10 +29,11 @@ def progress(wanted: bool) -> Iterator[ProgressCallback | None]:
     if not (wanted and sys.stderr.isatty()):
         yield None
         return
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
+    from rich.progress import BarColumn, MofNCompleteColumn, TaskID, TextColumn, TimeElapsedColumn
+    from rich.progress import Progress as Bars
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bars:
+    with Bars(*columns, console=Console(stderr=True), transient=True) as bars:
         tasks: dict[str, TaskID] = {}
 
         def update(stage: str, done: int, total: int) -> None:
