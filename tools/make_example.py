@@ -2,7 +2,7 @@
 
     pip download pybullet==3.2.7 --no-deps --dest /tmp/pybullet
     unzip -q /tmp/pybullet/pybullet-*.whl 'pybullet_data/*' -d /tmp/pybullet
-    python tools/make_example.py /tmp/pybullet/pybullet_data examples/dance.npz
+    python tools/make_example.py /tmp/pybullet/pybullet_data examples/punch.npz
 
 Each frame is solved on its own, from where the last one ended, in two stages: first the feet's positions and all
 orientations, then all positions.  Nothing is smoothed, nothing is kept off the floor or out of the body, and the robot
@@ -128,7 +128,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("pybullet_data", type=Path, help="folder pybullet_data of the package pybullet")
     parser.add_argument("output", type=Path, help="npz file to write")
-    parser.add_argument("--clip", default="dance_b", help="which humanoid3d_<clip>.txt (default: %(default)s)")
+    parser.add_argument("--clip", default="punch", help="which humanoid3d_<clip>.txt (default: %(default)s)")
     parser.add_argument("--cycles", type=int, default=1, help="how often to play a cyclic clip (default: %(default)s)")
     parser.add_argument("--fps", type=float, default=30.0, help="frames per second (default: %(default)s)")
     arguments = parser.parse_args()
