@@ -69,7 +69,8 @@ class Context:
 
         Base position, base rotation as the running sum of world rotation increments
         ``log(R_t R_{t-1}')``, joints.  Differences of these plus differences of the steps are the velocities of the
-        stepped motion, exactly for positions and joints and to second order in the step for the rotation.
+        stepped motion: exactly for positions and joints, for the rotation up to ``1/2 w x (v_t + v_{t-1})`` with w the
+        turn from one frame to the next, and terms of second order in the step.
         """
         qpos = self.centre.qpos
         rotation = Rotation.from_quat(qpos[:, 3:7], scalar_first=True)

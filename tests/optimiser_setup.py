@@ -1,0 +1,85 @@
+"""What the tests of the optimiser share: contexts, residuals in numbers, small problems."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+from conftest import CHECKOUT
+
+from gmr_traj.contacts.schedule import ContactSchedule
+from gmr_traj.kinematics.casadi_kinematics import CasadiKinematics
+from gmr_traj.motion import RobotMotion
+from gmr_traj.problem import Problem, UsedTerm
+from gmr_traj.residuals import FrameResidual, LinearResidual, Residual
+from gmr_traj.robot import Robot
+from gmr_traj.solver import Attempt
+from gmr_traj.terms.context import Context
+from gmr_traj.terms.term import Term
+from gmr_traj.variables import Variables
+
+#: A clip with faults of every kind, 64 frames of the G1.
+EXAMPLE = CHECKOUT / "examples" / "punch.npz"
+
+#: Ipopt to tight tolerances, so that closed forms and other solutions can be compared with.
+TIGHT = Attempt("tight", {"tol": 1e-7, "constr_viol_tol": 1e-8, "max_iter": 200, "mu_strategy": "adaptive"})
+
+
+def context_of(
+    robot: Robot,
+    centre: RobotMotion,
+    *,
+    target: RobotMotion | None = None,
+    trust: np.ndarray | None = None,
+    schedule: ContactSchedule | None = None,
+    visited: tuple[RobotMotion, ...] | None = None,
+    kinematics: CasadiKinematics | None = None,
+) -> Context:
+    """A context about ``centre``; what is not given is the centre itself, full trust, no stance."""
+    return Context(
+        robot=robot,
+        kinematics=kinematics or CasadiKinematics(robot),
+        centre=centre,
+        target=target or centre,
+        trust=np.ones(centre.frames) if trust is None else trust,
+        schedule=schedule or ContactSchedule(centre.frames, centre.fps, ()),
+        visited=visited or (centre,),
+    )
+
+
+def residuals_of(term: Term, context: Context) -> tuple[list[Residual], Variables]:
+    """A term's residuals and the unknowns they are about."""
+    variables = Variables(context.frames, 6 + context.robot.dof)
+    return term.residuals(context, variables), variables
+
+
+def values(residual: Residual, x: np.ndarray) -> np.ndarray:
+    """All rows at x.  # (m, K) or (m,)"""
+    if isinstance(residual, LinearResidual):
+        return np.asarray(residual.matrix @ x[: residual.matrix.shape[1]] + residual.offset)
+    columns = zip(residual.columns, residual.parameters.T, strict=True)
+    return np.stack([np.array(residual.value(x[z], p)).ravel() for z, p in columns], axis=1)
+
+
+def derivative(function: Callable[[np.ndarray], np.ndarray], x: np.ndarray, step: float = 1e-6) -> np.ndarray:
+    """Jacobian by central differences.  # (..., nx)"""
+    rows = [np.asarray(function(x + h) - function(x - h)) / (2 * step) for h in step * np.eye(len(x))]
+    return np.stack(rows, axis=-1)
+
+
+def jacobian_error(residual: FrameResidual, x: np.ndarray, step: float = 1e-6) -> float:
+    """Largest difference of a residual's Jacobian from central differences, over its frames."""
+    assert residual.jacobian is not None
+    worst = 0.0
+    for z, p in zip(residual.columns, residual.parameters.T, strict=True):
+        numeric = derivative(lambda at, p=p: np.array(residual.value(at, p)).ravel(), x[z], step)  # type: ignore[misc]
+        worst = max(worst, float(np.abs(np.array(ca.densify(residual.jacobian(x[z], p))) - numeric).max()))
+    return worst
+
+
+def problem_of(*terms: tuple[str, Term], passes: int = 4, attempt: Attempt = TIGHT) -> Problem:
+    """A problem of (use, term) pairs, as a problem file would name them."""
+    used = tuple(UsedTerm(type(term).__name__, term, use) for use, term in terms)
+    return Problem("test", Path("test.toml"), used, passes, (attempt,), (attempt,))
