@@ -14,8 +14,9 @@ from gmr_traj.motion import RobotMotion
 from gmr_traj.outcome import SolveReport
 from gmr_traj.problem import Problem
 from gmr_traj.robot import Robot
+from gmr_traj.task import Task
 from gmr_traj.trust import trust
-from gmr_traj.whole_clip import Progress, Task, solve_clip
+from gmr_traj.whole_clip import Progress, solve_clip
 from gmr_traj.windows import solve_windows
 
 

@@ -1,118 +1,158 @@
-"""One problem over all frames it is given, solved again about its own solution where rows were missing."""
+"""One problem over all frames it is given, then repairs where rows turn out to have been missing.
+
+Constraint rows are built where the input comes near a constraint.  Now and then the solution violates one elsewhere,
+in a handful of frames; those frames and their surroundings are solved again about the solution, with the rows that
+were missing, between frames that are held.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from gmr_traj.contacts.schedule import ContactSchedule
 from gmr_traj.evaluation import Row, evaluate, report
 from gmr_traj.kinematics.casadi_kinematics import CasadiKinematics
 from gmr_traj.motion import RobotMotion
 from gmr_traj.outcome import SolveReport, TermReport
 from gmr_traj.problem import Problem
-from gmr_traj.solver import Solution, solve
+from gmr_traj.residuals import FrameResidual
+from gmr_traj.solver import Attempt, Solution, solve
+from gmr_traj.task import HELD, Task
 from gmr_traj.terms.context import Context, stepped
 from gmr_traj.transcription import Used, transcribe
 from gmr_traj.variables import Variables
 
 Progress = Callable[[str, int, int], None]
 
-# A row that was not built may be off by this much [its own unit; lengths in m, rates as a share of 1 rad/s^k].
+# A row that was not built may be off by this much, by unit.
 TOLERANCE = {"m": 2e-4, "rad": 1e-5, "rad/s": 1e-3, "rad/s^2": 1e-1}
 
+# Time around a violated frame that a repair may change [s].
+SURROUNDINGS = 0.5
 
-@dataclass(frozen=True)
-class Task:
-    """Motions and schedule of the frames to solve for; ``held`` frames keep the centre's configuration."""
-
-    centre: RobotMotion
-    target: RobotMotion
-    trust: np.ndarray
-    schedule: ContactSchedule
-    held: np.ndarray
+_WORSE = ("converged", "acceptable", "not converged")
 
 
 def solve_clip(
     task: Task, kinematics: CasadiKinematics, problem: Problem, progress: Progress | None = None
 ) -> tuple[RobotMotion, SolveReport]:
-    """Solve, look for constraints that are violated where they were not built, and solve again with them.
+    """Solve the whole task, then repair until no constraint is violated or ``problem.passes`` are used up.
 
     Returns:
-        the motion of the last pass, and the report of all passes together.
+        the motion, and the report of all passes together.
     """
-    context = Context(
-        kinematics.robot, kinematics, task.centre, task.target, task.trust, task.schedule, visited=(task.centre,)
-    )
-    solutions: list[Solution] = []
-    while True:
-        variables = Variables(context.frames, kinematics.tangent_size)
-        used = build(context, variables, problem)
-        variables.hold(task.held)
-        nlp = transcribe(variables, used)
+    if progress is not None:
+        progress("solving", 0, problem.passes)
+    motion, solution, used = _solve(task, kinematics, problem, problem.first)
+    solutions, passes, built = [solution], 1, _built(used)
+    visited = (*task.visited, task.centre)
+    missing = _violated(task, motion, kinematics, problem) - built
+    while missing and passes < problem.passes and solutions[-1].status != "not converged":
         if progress is not None:
-            progress("solving", len(solutions), problem.passes)
-        solution = solve(nlp, problem.again if solutions else problem.first)
-        solutions.append(solution)
-        motion = stepped(context.centre, solution.x[variables.steps])
-        missing = _missing(replace(context, centre=motion, visited=(motion,)), used, problem)
-        if not missing or len(solutions) == problem.passes or solution.status == "not converged":
-            break
-        context = replace(context, centre=motion, visited=(*context.visited, motion))
-    reports = tuple(report(item, solution.x) for item in used)
-    return motion, _summary(solutions, reports, missing)
+            progress("repairing", passes, problem.passes)
+        passes += 1
+        visited = (*visited, motion)
+        whole = replace(task, visited=visited)
+        qpos = motion.qpos.copy()
+        for start, stop in _spans(sorted({frame for _, _, frame in missing}), motion):
+            held = np.arange(stop - start)
+            held = held[((held < HELD) & (start > 0)) | ((held >= stop - start - HELD) & (stop < motion.frames))]
+            fixed = task.held[(task.held >= start) & (task.held < stop)] - start
+            part = whole.part(motion, start, stop, np.union1d(held, fixed))
+            repaired, solution, _ = _solve(part, kinematics, problem, problem.again)
+            solutions.append(solution)
+            qpos[start:stop] = repaired.qpos
+        motion = motion.with_qpos(qpos)
+        built |= missing
+        missing = _violated(task, motion, kinematics, problem) - built
+    final, variables = _residuals(replace(task, visited=visited), motion, kinematics, problem)
+    reports = tuple(report(item, variables.initial()) for item in final)
+    return motion, _summary(solutions, passes, reports, missing)
 
 
-def build(context: Context, variables: Variables, problem: Problem) -> list[Used]:
-    """All residuals of the problem about the context's centre."""
-    return [Used(residual, item.use) for item in problem.terms for residual in item.term.residuals(context, variables)]
+def _solve(
+    task: Task, kinematics: CasadiKinematics, problem: Problem, attempts: tuple[Attempt, ...]
+) -> tuple[RobotMotion, Solution, list[Used]]:
+    """One program about the task's centre."""
+    used, variables = _residuals(task, task.centre, kinematics, problem)
+    variables.hold(task.held)
+    solution = solve(transcribe(variables, used), attempts)
+    return stepped(task.centre, solution.x[variables.steps]), solution, used
 
 
-def _missing(context: Context, used: list[Used], problem: Problem) -> set[Row]:
-    """Constraint rows that the motion violates and the problem just solved did not have."""
-    variables = Variables(context.frames, context.kinematics.tangent_size)
-    now = [item for item in build(context, variables, problem) if item.use != "cost"]
-    x = variables.initial()
+def _residuals(
+    task: Task, centre: RobotMotion, kinematics: CasadiKinematics, problem: Problem
+) -> tuple[list[Used], Variables]:
+    """All residuals of the problem about a motion, and the unknowns they name."""
+    visited = (*task.visited, centre)
+    context = Context(kinematics.robot, kinematics, centre, task.target, task.trust, task.schedule, visited)
+    variables = Variables(centre.frames, kinematics.tangent_size)
+    used = [Used(residual, item.use) for item in problem.terms for residual in item.term.residuals(context, variables)]
+    return used, variables
+
+
+def _violated(task: Task, motion: RobotMotion, kinematics: CasadiKinematics, problem: Problem) -> set[Row]:
+    """Constraint rows that a motion violates."""
+    constraints = replace(problem, terms=tuple(item for item in problem.terms if item.use != "cost"))
+    used, variables = _residuals(replace(task, visited=()), motion, kinematics, constraints)
     violated: set[Row] = set()
-    for item in now:
-        values = evaluate(item.residual, x)
+    for item in used:
+        values = evaluate(item.residual, variables.initial())
         violated |= values.keys(values.off > TOLERANCE.get(item.residual.unit, 1e-4))
-    if not violated:
-        return violated
-    had: set[Row] = set()
+    return violated
+
+
+def _built(used: list[Used]) -> set[Row]:
+    """The rows of all constraints."""
+    built: set[Row] = set()
     for item in used:
         if item.use != "cost":
-            values = evaluate(item.residual, np.zeros(max(variables.size, int(_reach(item)) + 1)))
-            had |= values.keys(np.ones(values.off.size, bool))
-    return violated - had
+            values = evaluate(item.residual, np.zeros(_size(item)))
+            built |= values.keys(np.ones(values.off.size, bool))
+    return built
 
 
-def _reach(item: Used) -> int:
-    """Largest index of an unknown that a residual names."""
+def _size(item: Used) -> int:
+    """How many unknowns a residual needs to be evaluated."""
     residual = item.residual
-    columns = residual.columns if hasattr(residual, "columns") else residual.matrix.indices
-    return int(columns.max()) if columns.size else 0
+    if isinstance(residual, FrameResidual):
+        return int(residual.columns.max(initial=0)) + 1
+    return int(residual.matrix.shape[1])
 
 
-def _summary(solutions: list[Solution], reports: tuple[TermReport, ...], missing: set[Row]) -> SolveReport:
-    last = solutions[-1]
+def _spans(frames: list[int], motion: RobotMotion) -> list[tuple[int, int]]:
+    """Runs of frames around the given ones, merged where they would touch."""
+    reach = round(SURROUNDINGS * motion.fps) + HELD
+    spans: list[tuple[int, int]] = []
+    for frame in frames:
+        start, stop = max(0, frame - reach), min(motion.frames, frame + reach + 1)
+        if spans and start <= spans[-1][1]:
+            start = spans.pop()[0]
+        spans.append((start, stop))
+    return spans
+
+
+def _summary(
+    solutions: list[Solution], passes: int, reports: tuple[TermReport, ...], missing: set[Row]
+) -> SolveReport:
+    worst = max(solutions, key=lambda solution: _WORSE.index(solution.status))
     message = ""
     if missing:
         name, _, frame = min(missing)
-        message = f"{len(missing)} rows that the last pass did not have are violated, first {name} in frame {frame}"
-    if last.status == "not converged":
-        message = f"Ipopt stopped with {last.solver_status} after {last.iterations} iterations"
+        message = f"{len(missing)} rows that were not part of the problem are violated, first {name} in frame {frame}"
+    if worst.status == "not converged":
+        message = f"Ipopt stopped with {worst.solver_status} after {worst.iterations} iterations"
     return SolveReport(
-        status=last.status,
-        solver_status=last.solver_status,
-        strategy=", ".join(s.strategy for s in solutions),
-        iterations=sum(s.iterations for s in solutions),
-        seconds=sum(s.seconds for s in solutions),
-        evaluation_seconds=sum(s.evaluation_seconds for s in solutions),
-        passes=len(solutions),
-        objective=last.objective,
+        status=worst.status,
+        solver_status=worst.solver_status,
+        strategy=", ".join(dict.fromkeys(solution.strategy for solution in solutions)),
+        iterations=sum(solution.iterations for solution in solutions),
+        seconds=sum(solution.seconds for solution in solutions),
+        evaluation_seconds=sum(solution.evaluation_seconds for solution in solutions),
+        passes=passes,
+        objective=sum(term.value for term in reports),
         terms=reports,
         message=message,
     )

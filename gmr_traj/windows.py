@@ -12,17 +12,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from gmr_traj.contacts.schedule import ContactSchedule
 from gmr_traj.exceptions import ProblemError
 from gmr_traj.kinematics.casadi_kinematics import CasadiKinematics
 from gmr_traj.motion import RobotMotion
 from gmr_traj.outcome import SolveReport, TermReport
 from gmr_traj.problem import Problem
 from gmr_traj.solver import RANKING
-from gmr_traj.whole_clip import Progress, Task, solve_clip
-
-# Frames held at the start of a window: they carry position, velocity and acceleration across the seam.
-HELD = 3
+from gmr_traj.task import HELD, Task
+from gmr_traj.whole_clip import Progress, solve_clip
 
 
 def solve_windows(
@@ -68,31 +65,16 @@ def solve_windows(
             stop = frames
         if progress is not None:
             progress("windows", final, frames)
-        part = _part(task, qpos, start, stop, held=final - start)
+        part = task.part(task.centre.with_qpos(qpos), start, stop, held=np.arange(final - start))
         motion, report = solve_clip(part, kinematics, problem)
         kept = stop if stop == frames else stop - ahead
-        qpos[final:kept] = motion.qpos[final - start : kept - start]
+        # What the window saw beyond what is kept of it is where the next one starts from: there is no jump to get over.
+        qpos[final:stop] = motion.qpos[final - start :]
         reports.append(_shifted(report, start))
         final = kept
         if report.status == "not converged":
             break
     return task.centre.with_qpos(qpos), _merged(reports)
-
-
-def _part(task: Task, qpos: np.ndarray, start: int, stop: int, held: int) -> Task:
-    """Frames start to stop of a task, about the configurations found so far."""
-    stances = tuple(
-        replace(stance, start=max(stance.start, start) - start, stop=min(stance.stop, stop) - start)
-        for stance in task.schedule.stances
-        if stance.start < stop and stance.stop > start
-    )
-    return Task(
-        centre=task.centre.with_qpos(qpos[start:stop]),
-        target=task.target.with_qpos(task.target.qpos[start:stop]),
-        trust=task.trust[start:stop],
-        schedule=ContactSchedule(stop - start, task.schedule.fps, stances, task.schedule.height),
-        held=np.arange(held),
-    )
 
 
 def _shifted(report: SolveReport, start: int) -> SolveReport:

@@ -45,7 +45,7 @@ class StanceAnchor(Term):
             anchor = np.full((context.frames, len(sole.points), 2), -1)
             for stance in stances:
                 during = slice(stance.start, stance.stop)
-                start = np.median(points[during, stance.point, :2], axis=0)
+                start = points[during, stance.point, :2].mean(axis=0)  # the best anchor for feet that stay put
                 anchor[during, stance.point] = variables.add(start)
             resting = anchor[:, :, 0] >= 0  # (T, K)
             frames = np.flatnonzero(resting.any(axis=1))
