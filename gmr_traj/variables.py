@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
+#: Largest component of a step of the base's rotation [rad]; see :class:`Variables`.
+HALF_TURN = np.pi
+
 
 class Variables:
     """Numbers the unknowns.
 
     The first ``frames * tangent`` unknowns are the tangent steps, frame after frame; terms append blocks of their own
-    (anchors, slacks) while the problem is built.
+    (anchors, slacks) while the problem is built.  The components of the base's rotation vector stay within half a turn:
+    that reaches every rotation, and keeps a large step of the solver from winding the base a full turn around, which
+    looks the same in a frame and leaves a spin between it and its neighbours that no later step can undo.
 
     Args:
         frames: T.
@@ -21,8 +26,10 @@ class Variables:
         self.tangent = tangent
         self.steps = np.arange(frames * tangent).reshape(frames, tangent)  # (T, 6 + n) indices
         self._initial = [np.zeros(frames * tangent)]
-        self._lower = [np.full(frames * tangent, -np.inf)]
-        self._upper = [np.full(frames * tangent, np.inf)]
+        reach = np.full((frames, tangent), np.inf)
+        reach[:, 3:6] = HALF_TURN
+        self._lower = [-reach.ravel()]
+        self._upper = [reach.ravel()]
 
     @property
     def size(self) -> int:

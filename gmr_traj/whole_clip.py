@@ -18,7 +18,7 @@ from gmr_traj.motion import RobotMotion
 from gmr_traj.outcome import SolveReport, TermReport
 from gmr_traj.problem import Problem
 from gmr_traj.residuals import FrameResidual
-from gmr_traj.solver import Attempt, Solution, solve
+from gmr_traj.solver import RANKING, Attempt, Solution, solve
 from gmr_traj.task import HELD, Task
 from gmr_traj.terms.context import Context, stepped
 from gmr_traj.transcription import Used, transcribe
@@ -31,8 +31,6 @@ TOLERANCE = {"m": 2e-4, "rad": 1e-5, "rad/s": 1e-3, "rad/s^2": 1e-1}
 
 # Time around a violated frame that a repair may change [s].
 SURROUNDINGS = 0.5
-
-_WORSE = ("converged", "acceptable", "not converged")
 
 
 def solve_clip(
@@ -134,10 +132,8 @@ def _spans(frames: list[int], motion: RobotMotion) -> list[tuple[int, int]]:
     return spans
 
 
-def _summary(
-    solutions: list[Solution], passes: int, reports: tuple[TermReport, ...], missing: set[Row]
-) -> SolveReport:
-    worst = max(solutions, key=lambda solution: _WORSE.index(solution.status))
+def _summary(solutions: list[Solution], passes: int, reports: tuple[TermReport, ...], missing: set[Row]) -> SolveReport:
+    worst = max(solutions, key=lambda solution: RANKING.index(solution.status))
     message = ""
     if missing:
         name, _, frame = min(missing)
