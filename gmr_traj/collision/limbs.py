@@ -32,7 +32,7 @@ class Limb:
     root: int
 
     @cached_property
-    def joints(self) -> Array:
+    def joints(self) -> np.ndarray:
         """Indices of its joints into ``qpos[:, 7:]``, in the order of the bodies that they move.  # (k,)"""
         model = self.robot.model
         addresses = [int(model.jnt_qposadr[int(model.body_jntadr[b + 1])]) - 7 for b in self._moved]

@@ -1,76 +1,57 @@
 """A limb that went through the body is taken around it: a start for the problem in which nothing is deep inside.
 
 Where a limb is deep in the trunk, the normals of its many pairs of capsules contradict one another, and no choice of
-signs makes them agree.  So the way out is chosen for the limb as a whole.  For every frame of such a tangle, candidate
-configurations are found by pushing the limb out in each of a set of directions and then letting it come as near to the
-clip as it can (``push_out``); the path over time through the candidates is the one that minimises
+signs makes them agree.  So the way out is chosen for the limb as a whole.  For every knot of such a tangle there are
+several clear configurations (``ways_out``); the polygon through them is the one that minimises
 
-    sum_t dt [ |d_t|^2 + TIME^2 |v_t|^2 + DEPTH (depth_t^2 + depth_{t+1/2}^2) ]
+    sum_t dt [ |d_t|^2 + TIME^2 |v_t|^2 + DEPTH (depth_t^2 + depth_between^2) ]
 
-with the mean square distance d_t of the limb's end points from the clip, their speed v_t, and the penetration left,
-in the frames and half-way between them (dynamic programming, exact over the candidates).  The path begins and ends at
-the clip's own configurations around the tangle.  About such a motion exact clearances have consistent normals.
+with the mean square distance d_t of the limb's end points from the clip, their speed v_t, and the penetration left, at
+the knots and on the way from one to the next: dynamic programming, exact over the configurations.  It begins and ends
+at the clip's own configurations around the tangle, and is then drawn tight in all frames (``elastic_band``).
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
+from gmr_traj.collision.broadphase import Candidate, candidates
 from gmr_traj.collision.capsules import radii, world_segments
 from gmr_traj.collision.elastic_band import relax
 from gmr_traj.collision.limbs import Limb, limbs
-from gmr_traj.collision.push_out import Surroundings, push_out
-from gmr_traj.collision.segments import Array, normal
+from gmr_traj.collision.push_out import Surroundings, deepest
+from gmr_traj.collision.segments import Array
+from gmr_traj.collision.tangles import DEEP, tangles
+from gmr_traj.collision.ways_out import DEPTH, MARGIN, cost, end_points, mean_square, ways_out
 from gmr_traj.kinematics.mujoco_kinematics import placements
 from gmr_traj.motion import RobotMotion
 from gmr_traj.robot import Robot
 
-#: Axes closer than this share of the sum of the radii leave it open on which side the limb is.
-TRUST = 0.3
-
-#: A pair deeper than this takes part in a tangle [m]; shallower overlaps are left to the problem.
-DEEP = 0.015
-
-#: Tangles closer together than this are one [s], and each is widened by this on both sides [s].
-BRIDGE, WIDEN = 0.35, 0.1
-
-#: Clearance of the candidates [m].
-MARGIN = 0.006
-
-#: Clearance on the way out [m].
-WIDE = 0.03
-
-#: Distance of one metre for one second costs as much as a speed of one metre in this time for one second [s].
-TIME = 0.1
-
-#: Time between the candidates [s]; the path is straight in between.
+#: Time between knots [s]; the path is straight in between.
 KNOT = 0.1
 
-#: Where between two candidates the way from one to the other is looked at.
-BETWEEN = (0.25, 0.5, 0.75)
+#: Tangles are looked at this often at least, so that nothing passes through the body between two frames [1/s].
+RATE = 60.0
+
+#: A distance of one metre costs as much as a speed of one metre in this time [s].
+TIME = 0.1
 
 #: A joint's turn by one radian counts as this way, so that a path does not jump between postures [m/rad].
 ARM = 0.1
 
-#: Weight of squared penetration against squared distance.
-DEPTH = 1000.0
+#: Where between two knots the way from one to the other is looked at.
+BETWEEN = (0.25, 0.5, 0.75)
 
-#: Candidates a frame that are carried on, and how far apart they must be [m].
-KEPT, DISTINCT = 12, 0.03
-
-#: Gauss-Newton iterations out and back.
-OUT, BACK = 8, 8
-
-#: Pairs nearer than this are measured along the direction on the way out [m].
-NEAR = 0.3
+#: Pairs that never come closer than this in a tangle are left out [m].
+REACH = 0.3
 
 
-DEBUG=0
 @dataclass(frozen=True)
 class Tangle:
-    """A limb and the frames in which it is deep in something, ``first`` to ``last``."""
+    """A limb and the frames ``first`` to ``last`` in which it is tangled."""
 
     limb: Limb
     first: int
@@ -78,31 +59,57 @@ class Tangle:
 
 
 def untangle(robot: Robot, motion: RobotMotion) -> tuple[RobotMotion, list[Tangle]]:
-    """The motion with its tangled limbs taken around the body, and where that was; itself where there is none.
+    """The motion with its tangled limbs taken around the body, and where that was.
 
-    Only limbs without a sole are moved: a foot's place is for the contacts to say.
+    Only joints of those limbs change, and only in the tangles.  Limbs with a sole are left alone: where a foot goes is
+    for the contacts to say.  The result is near the clip and clear of the body, but neither within velocity limits nor
+    exact; it is what the problem starts from and what it tracks.
 
     Args:
         robot: the robot.
         motion: the clip.
+
+    Returns:
+        the motion (the very same where there is no tangle), and the tangles.
     """
-    qpos = motion.qpos.copy()
-    found = []
-    for limb in limbs(robot):
-        if limb.feet or not limb.capsules:
-            continue
-        positions, rotations = placements(robot, qpos)
-        around = _surroundings(robot, limb, positions, rotations)
-        for first, last in _tangles(around, qpos[:, 7 + limb.joints], motion.fps):
+    found: list[Tangle] = []
+    waiting = [limb for limb in limbs(robot) if not limb.feet and limb.capsules]
+    while waiting:
+        at = placements(robot, motion.qpos)
+        overlaps = candidates(robot, *at, -DEEP)
+        stretches = {limb.bodies: tangles(robot, limb, *at, overlaps, motion.fps) for limb in waiting}
+        waiting = [limb for limb in waiting if stretches[limb.bodies]]
+        if not waiting:
+            break
+        # Where two limbs meet, the one that is deeper in things makes way.
+        limb = max(waiting, key=lambda limb: _total_depth(limb, overlaps))
+        waiting.remove(limb)
+        qpos = motion.qpos.copy()
+        for first, last in stretches[limb.bodies]:
             span = slice(max(0, first - 2), min(len(qpos), last + 3))
             pinned = (first > 1, last + 2 < len(qpos))
-            angles = qpos[span, 7 + limb.joints]
-            here = around.at(np.arange(span.start, span.stop))
-            path = _path(here, angles, motion.fps, pinned)
-            if DEBUG: print('path',np.round(1e3*_depths(here,path[:,None])[:,0]))
-            qpos[span, 7 + limb.joints] = relax(here, angles, path, MARGIN, 1.0 / motion.fps, pinned)
+            qpos[span, 7 + limb.joints] = _around_the_body(robot, limb, qpos[span], motion.fps, pinned)
             found.append(Tangle(limb, first, last))
-    return (motion.with_qpos(qpos) if found else motion), found
+        motion = motion.with_qpos(qpos)
+    return motion, found
+
+
+def _total_depth(limb: Limb, overlaps: list[Candidate]) -> float:
+    mine = set(limb.capsules)
+    return float(sum(-c.clearance.sum() for c in overlaps if (c.pair[0] in mine) != (c.pair[1] in mine)))
+
+
+def _around_the_body(robot: Robot, limb: Limb, qpos: Array, fps: float, pinned: tuple[bool, bool]) -> Array:
+    """Joint angles of the limb in the frames of a tangle; the first and last two stay where they are pinned."""
+    parts = max(1, math.ceil(RATE / fps))
+    frame = np.arange(parts * (len(qpos) - 1) + 1) / parts
+    fine = np.stack([np.interp(frame, np.arange(len(qpos)), column) for column in qpos.T], axis=1)
+    fine[:, :7] = qpos[0, :7]  # only where the bodies are relative to each other matters
+    wanted = fine[:, 7 + limb.joints]
+    around = _surroundings(robot, limb, *placements(robot, fine)).within(wanted, REACH)
+    fixed = ((frame <= 1) & pinned[0]) | ((frame >= len(qpos) - 2) & pinned[1])
+    path = _path(around, wanted, parts * fps, pinned)
+    return relax(around, wanted, path, MARGIN, 1.0 / (parts * fps), fixed)[::parts]
 
 
 def _surroundings(robot: Robot, limb: Limb, positions: Array, rotations: Array) -> Surroundings:
@@ -121,129 +128,44 @@ def _surroundings(robot: Robot, limb: Limb, positions: Array, rotations: Array) 
     )
 
 
-def _tangles(around: Surroundings, angles: Array, fps: float) -> list[tuple[int, int]]:
-    """First and last frames in which a limb is so deep that its own normals do not say which way is out."""
-    points, _, _ = around.limb.ends(angles)
-    gap, normals, _ = around.rows(points)
-    deep = gap < -DEEP
-    doubtful = ((gap + around.reach) < TRUST * around.reach).any(axis=1)
-    for row in range(len(around.limb.capsules)):
-        # Two shapes that one capsule is deep in, and that push it opposite ways.
-        of_row = np.flatnonzero(around.pairs[:, 0] == row)
-        n, d = normals[:, of_row], deep[:, of_row]
-        against = np.einsum("tpi,tqi->tpq", n, n) < -0.5
-        doubtful |= (against & d[:, :, None] & d[:, None, :]).any(axis=(1, 2))
-    turned = np.einsum("tpi,tpi->tp", normals[1:], normals[:-1]) < 0.0
-    flipped = (turned & deep[1:] & deep[:-1]).any(axis=1)
-    doubtful[1:] |= flipped
-    doubtful[:-1] |= flipped
-    inside = deep.any(axis=1) | doubtful
-    edges = np.flatnonzero(np.diff(inside, prepend=False, append=False)).reshape(-1, 2)
-    spans: list[list[int]] = []
-    for start, stop in edges:
-        if not doubtful[start:stop].any():
-            continue
-        if spans and start - spans[-1][1] - 1 <= BRIDGE * fps:
-            spans[-1][1] = stop - 1
-        else:
-            spans.append([start, stop - 1])
-    wide = round(WIDEN * fps)
-    out: list[tuple[int, int]] = []
-    for first, last in spans:
-        first, last = max(0, first - wide), min(len(angles) - 1, last + wide)
-        if out and first <= out[-1][1] + 1:
-            out[-1] = (out[-1][0], last)
-        else:
-            out.append((first, last))
-    return out
-
-
 def _path(around: Surroundings, wanted: Array, fps: float, pinned: tuple[bool, bool]) -> Array:
-    """Joint angles of the limb over a tangle and the frames beside it: a polygon through candidates, shape (T, k)."""
-    limb, frames = around.limb, len(wanted)
+    """Joint angles of the limb in every frame of a tangle and beside it: a polygon through ways out, shape (T, k)."""
+    frames = len(wanted)
     knots = np.unique(np.linspace(0, frames - 1, max(2, round((frames - 1) / (KNOT * fps)) + 1)).round().astype(int))
-    at_knots = around.at(knots)
-    angles, used = _candidates(at_knots, wanted[knots])  # (K, M, k), (K, M)
+    angles, used = ways_out(around.at(knots), wanted[knots])  # (K, M, k), (K, M)
     for end, pin in zip((0, -1), pinned, strict=True):
         if pin:
             used[end, 1:] = False
             angles[end, 0], used[end, 0] = wanted[knots[end]], True
-    count = angles.shape[1]
-    points = limb.ends(angles.reshape(knots.size * count, -1))[0].reshape(knots.size, count, -1, 3)
-    target = limb.ends(wanted[knots])[0].reshape(knots.size, 1, -1, 3)
-    own = _mean_square(points - target) + DEPTH * _depths(at_knots, angles) ** 2
-    share = np.gradient(knots.astype(float)) / fps
-    own = share[:, None] * np.where(used, own, np.inf)
-    best = own[0]
-    came = np.zeros((knots.size, count), dtype=np.intp)
-    for t in range(1, knots.size):
-        one, two = np.flatnonzero(used[t - 1]), np.flatnonzero(used[t])
-        dt = (knots[t] - knots[t - 1]) / fps
-        turn = angles[t][None, two] - angles[t - 1][one, None]
-        moved = _mean_square(points[t][None, two] - points[t - 1][one, None]) + ARM**2 * (turn**2).mean(axis=-1)
-        between = np.zeros(moved.shape)
-        for share_of_edge in BETWEEN:
-            there = (angles[t][None, two] - (1.0 - share_of_edge) * turn).reshape(1, one.size * two.size, -1)
-            frame = knots[t - 1 : t] + round(share_of_edge * (knots[t] - knots[t - 1]))
-            between = np.maximum(between, _depths(around.at(frame), there).reshape(moved.shape))
+    points = end_points(around, angles)
+    borders = np.concatenate([knots[:1], 0.5 * (knots[1:] + knots[:-1]), knots[-1:]])
+    share = np.diff(borders)[:, None] / fps
+    own = np.where(used, share * cost(around.at(knots), points, wanted[knots]), np.inf)
+    best, came = own[0], np.zeros(used.shape, dtype=np.intp)
+    for k in range(1, knots.size):
+        one, two = np.flatnonzero(used[k - 1]), np.flatnonzero(used[k])
+        dt = (knots[k] - knots[k - 1]) / fps
+        moved = mean_square(points[k][None, two] - points[k - 1][one, None])
+        moved += ARM**2 * ((angles[k][None, two] - angles[k - 1][one, None]) ** 2).mean(axis=-1)
+        between = _depth_between(around, knots[k - 1], knots[k], angles[k - 1][one], angles[k][two])
         total = best[one, None] + TIME**2 / dt * moved + dt * DEPTH * between**2
-        came[t, two] = one[np.argmin(total, axis=0)]
-        best = np.full(count, np.inf)
-        best[two] = total.min(axis=0)
-        best += own[t]
+        came[k, two] = one[total.argmin(axis=0)]
+        best = own[k].copy()
+        best[two] += total.min(axis=0)
     path = np.empty((knots.size, wanted.shape[1]))
-    state = int(np.argmin(best))
-    for t in range(knots.size - 1, -1, -1):
-        path[t] = angles[t, state]
-        state = int(came[t, state])
-    if DEBUG: print(knots, np.round(1e3*_depths(at_knots, path[:,None])[:,0]))
+    state = int(best.argmin())
+    for k in range(knots.size - 1, -1, -1):
+        path[k] = angles[k, state]
+        state = int(came[k, state])
     return np.stack([np.interp(np.arange(frames), knots, column) for column in path.T], axis=1)
 
 
-def _candidates(around: Surroundings, wanted: Array) -> tuple[Array, Array]:
-    """Configurations for every frame, the best first, and which of them there are.  # (T, M, k), (T, M)"""
-    limb, frames = around.limb, len(wanted)
-    ways = _directions()
-    near = around.clearances(limb.ends(wanted)[0]) < NEAR
-    who = np.repeat(np.arange(frames), len(ways))
-    there, target = around.at(who), wanted[who]
-    pushed = push_out(
-        there, target, target, WIDE, OUT, directions=np.tile(ways, (frames, 1)), along=near[who]
-    )
-    relaxed = push_out(there, target, pushed, MARGIN, BACK)
-    stay = push_out(around, wanted, wanted, MARGIN, BACK)
-    size = (frames, len(ways), -1)
-    all_angles = np.concatenate([stay[:, None], relaxed.reshape(size), pushed.reshape(size)], axis=1)
-    count = all_angles.shape[1]
-    flat = all_angles.reshape(frames * count, -1)
-    points = limb.ends(flat)[0].reshape(frames, count, -1, 3)
-    depth = _depths(around, all_angles)
-    cost = _mean_square(points - limb.ends(wanted)[0].reshape(frames, 1, -1, 3)) + DEPTH * depth**2
-    angles, used = np.zeros((frames, KEPT, wanted.shape[1])), np.zeros((frames, KEPT), dtype=bool)
-    for t in range(frames):
-        chosen: list[int] = []
-        for c in np.argsort(cost[t]):
-            if len(chosen) < KEPT and all(_mean_square(points[t, c] - points[t, o]) > DISTINCT**2 for o in chosen):
-                chosen.append(int(c))
-        angles[t, : len(chosen)], used[t, : len(chosen)] = all_angles[t, chosen], True
-    return angles, used
-
-
-def _directions() -> Array:
-    """The 26 directions to the faces, edges and corners of a cube."""
-    grid = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-    grid = grid[np.abs(grid).sum(axis=1) > 0]
-    return np.asarray(grid / np.linalg.norm(grid, axis=1, keepdims=True))
-
-
-def _depths(around: Surroundings, angles: Array) -> Array:
-    """Deepest penetration of M configurations in each frame [m], 0 where there is none.  # (T, M, k) to (T, M)"""
-    frames, count = angles.shape[:2]
-    there = around.at(np.repeat(np.arange(frames), count))
-    gap = there.clearances(around.limb.ends(angles.reshape(frames * count, -1))[0])
-    return np.asarray(np.maximum(0.0, -gap.min(axis=1, initial=0.0))).reshape(frames, count)
-
-
-def _mean_square(difference: Array) -> Array:
-    """Mean over points of squared lengths: (..., E, 3) to (...)."""
-    return np.asarray((difference**2).sum(axis=-1).mean(axis=-1))
+def _depth_between(around: Surroundings, first: int, last: int, one: Array, two: Array) -> Array:
+    """Deepest penetration on the straight ways from configurations in one frame to those in another [m].  # (M, N)"""
+    out = np.zeros((len(one), len(two)))
+    for share in BETWEEN:
+        frame = np.array([first + round(share * (last - first))])
+        angles = (1.0 - share) * one[:, None] + share * two[None]
+        points = end_points(around, angles.reshape(1, out.size, -1))
+        out = np.maximum(out, deepest(around.at(frame), points).reshape(out.shape))
+    return out
