@@ -8,7 +8,7 @@ import numpy as np
 
 from gmr_traj.contacts.detect import detect
 from gmr_traj.contacts.schedule import ContactSchedule
-from gmr_traj.exceptions import ClipError, ProblemError, ScheduleError
+from gmr_traj.exceptions import ClipError, ProblemError, RobotError, ScheduleError
 from gmr_traj.kinematics.casadi_kinematics import CasadiKinematics
 from gmr_traj.motion import RobotMotion
 from gmr_traj.outcome import SolveReport
@@ -45,6 +45,7 @@ def refine(
     schedule: ContactSchedule | None = None,
     window: float | None = None,
     overlap: float | None = None,
+    kinematics: CasadiKinematics | None = None,
     progress: Progress | None = None,
 ) -> Refinement:
     """Solve the problem for one clip.
@@ -56,14 +57,18 @@ def refine(
         schedule: stances, in frames of ``motion``; detected where none is given.
         window: length of the windows to solve one after another [s]; None for the whole clip at once.
         overlap: look-ahead of a window beyond the frames that are kept of it [s].
+        kinematics: of the robot; whoever refines many clips keeps one, because what was compiled for it is used again.
         progress: called with what is being done, steps done and steps in all.
 
     Raises:
         ClipError: the clip's joints are not the robot's, or it is too short to have an acceleration.
+        RobotError: the kinematics are of another robot.
         ScheduleError: the schedule is for another clip.
         ProblemError: an overlap without a window, or windows that cannot be; a term that cannot be what it is used as.
         SolverError: Ipopt could not be run.
     """
+    if kinematics is not None and kinematics.robot is not robot:
+        raise RobotError(f"the kinematics are of {kinematics.robot.name}, not of this {robot.name}")
     if motion.joint_names != robot.joint_names:
         raise ClipError(f"the clip moves {len(motion.joint_names)} joints, the robot {robot.name} has {robot.dof}")
     if motion.frames < 4:
@@ -77,7 +82,7 @@ def refine(
     elif schedule.frames != motion.frames:
         raise ScheduleError(f"the contact schedule has {schedule.frames} frames, the clip {motion.frames}")
     levelled = motion.shifted(schedule.height)
-    kinematics = CasadiKinematics(robot)
+    kinematics = kinematics or CasadiKinematics(robot)
     task = Task(levelled, levelled, trust(motion), schedule, held=np.zeros(0, int))
     if window is None:
         result, report = solve_clip(task, kinematics, problem, progress)

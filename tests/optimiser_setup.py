@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 from pathlib import Path
 
 import casadi as ca
+import metrics_toy
 import numpy as np
 from conftest import CHECKOUT
 
@@ -27,6 +29,20 @@ EXAMPLE = CHECKOUT / "examples" / "punch.npz"
 TIGHT = Attempt("tight", {"tol": 1e-7, "constr_viol_tol": 1e-8, "max_iter": 200, "mu_strategy": "adaptive"})
 
 
+_KINEMATICS: dict[int, CasadiKinematics] = {}
+
+
+def kinematics_of(robot: Robot) -> CasadiKinematics:
+    """The robot's kinematics, one for all tests, so that its functions are compiled once."""
+    return _KINEMATICS.setdefault(id(robot), CasadiKinematics(robot))
+
+
+@lru_cache
+def toy() -> Robot:
+    """The robot of the metrics' tests, one for all tests."""
+    return metrics_toy.toy()
+
+
 def context_of(
     robot: Robot,
     centre: RobotMotion,
@@ -35,12 +51,11 @@ def context_of(
     trust: np.ndarray | None = None,
     schedule: ContactSchedule | None = None,
     visited: tuple[RobotMotion, ...] | None = None,
-    kinematics: CasadiKinematics | None = None,
 ) -> Context:
     """A context about ``centre``; what is not given is the centre itself, full trust, no stance."""
     return Context(
         robot=robot,
-        kinematics=kinematics or CasadiKinematics(robot),
+        kinematics=kinematics_of(robot),
         centre=centre,
         target=target or centre,
         trust=np.ones(centre.frames) if trust is None else trust,

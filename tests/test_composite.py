@@ -8,8 +8,7 @@ import pytest
 from conftest import random_configurations
 from hypothesis import given
 from hypothesis import strategies as st
-from metrics_toy import toy
-from optimiser_setup import derivative
+from optimiser_setup import derivative, toy
 from scipy.spatial.transform import Rotation
 
 from gmr_traj.kinematics.casadi_kinematics import CasadiKinematics

@@ -7,11 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import random_configurations
-from metrics_toy import clip, standing, toy
-from optimiser_setup import context_of, jacobian_error, problem_of, residuals_of, values
+from metrics_toy import clip, standing
+from optimiser_setup import context_of, jacobian_error, kinematics_of, problem_of, residuals_of, toy, values
 
 from gmr_traj.contacts.schedule import ContactSchedule
-from gmr_traj.kinematics.casadi_kinematics import CasadiKinematics
 from gmr_traj.kinematics.mujoco_kinematics import placements
 from gmr_traj.motion import RobotMotion
 from gmr_traj.residuals import FrameResidual
@@ -94,7 +93,7 @@ def test_a_sunk_clip_ends_at_the_floor(use: str) -> None:
         ("cost", Tracking(position=0.03, orientation=0.2, robust=0.05)), ("cost", Posture(joints=0.02)), (use, TERM)
     )
     task = Task(motion, motion, np.ones(8), ContactSchedule(8, motion.fps, ()), np.zeros(0, int))
-    result, report = solve_clip(task, CasadiKinematics(robot), problem)
+    result, report = solve_clip(task, kinematics_of(robot), problem)
     assert report.status == "converged"
     lowest = min(heights(robot, result, f"{sole.name} sole").min() for sole in robot.soles)
     assert lowest == pytest.approx(0.0, abs=1e-6 if use == "hard" else 1e-3)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from metrics_toy import FPS, clip, standing, toy
-from optimiser_setup import context_of, residuals_of, values
+from metrics_toy import FPS, clip, standing
+from optimiser_setup import context_of, residuals_of, toy, values
 from scipy.spatial.transform import Rotation
 
 from gmr_traj.residuals import LinearResidual

@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from conftest import random_configurations
-from metrics_toy import clip, standing, toy
-from optimiser_setup import context_of, jacobian_error, problem_of, residuals_of, values
+from metrics_toy import clip, standing
+from optimiser_setup import context_of, jacobian_error, kinematics_of, problem_of, residuals_of, toy, values
 
 from gmr_traj.collision import segments
 from gmr_traj.collision.capsules import radii, world_segments
 from gmr_traj.contacts.schedule import ContactSchedule
-from gmr_traj.kinematics.casadi_kinematics import CasadiKinematics
 from gmr_traj.kinematics.mujoco_kinematics import placements
 from gmr_traj.motion import RobotMotion
 from gmr_traj.residuals import FrameResidual
@@ -99,7 +98,7 @@ def test_an_arm_in_the_torso_comes_out(use: str) -> None:
         ("cost", Tracking(position=0.03, orientation=0.2, robust=0.05)), ("cost", Posture(joints=0.5)), (use, TERM)
     )
     task = Task(motion, motion, np.ones(6), ContactSchedule(6, motion.fps, ()), np.zeros(0, int))
-    result, report = solve_clip(task, CasadiKinematics(robot), problem)
+    result, report = solve_clip(task, kinematics_of(robot), problem)
     assert report.status == "converged"
     # Out to the clearance and no further, by the arm and a lean of two degrees; the legs have no reason to change.
     assert clearances(robot, result)["torso:arm"] == pytest.approx(0.001, abs=1e-6 if use == "hard" else 5e-4)

@@ -112,7 +112,7 @@ def test_a_linear_solver_that_is_not_there() -> None:
 
 
 def test_options_that_pass_the_door_but_not_ipopt_are_one_line() -> None:
-    with pytest.raises(SolverError, match="Ipopt refused the options of strategy typo: .*tolerance") as raised:
+    with pytest.raises(SolverError, match=r"Ipopt refused the options of strategy typo: .*tolerance") as raised:
         solve(ROSENBROCK, (Attempt("typo", {"tolerance": 1.0}),))
     assert "\n" not in str(raised.value)
 

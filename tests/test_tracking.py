@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from conftest import random_configurations
-from metrics_toy import clip, standing, toy
-from optimiser_setup import context_of, derivative, residuals_of
+from metrics_toy import clip, standing
+from optimiser_setup import context_of, derivative, residuals_of, toy
 
 from gmr_traj.kinematics.mujoco_kinematics import placements
 from gmr_traj.motion import RobotMotion

@@ -10,8 +10,8 @@ import pytest
 import scipy.sparse as sp
 from hypothesis import given
 from hypothesis import strategies as st
-from metrics_toy import both_feet, clip, standing, toy
-from optimiser_setup import EXAMPLE, TIGHT, context_of, residuals_of
+from metrics_toy import both_feet, clip, standing
+from optimiser_setup import EXAMPLE, TIGHT, context_of, residuals_of, toy
 
 from gmr_traj.assembly import SparseSum, to_dm
 from gmr_traj.exceptions import ProblemError
@@ -24,7 +24,6 @@ from gmr_traj.solver import solve
 from gmr_traj.terms.tracking import Tracking
 from gmr_traj.transcription import SOFT_SLOPE, Nlp, Used, transcribe
 from gmr_traj.variables import Variables
-from gmr_traj.whole_clip import build
 
 ENTRIES = st.lists(st.tuples(st.integers(0, 4), st.integers(0, 4), st.floats(-5, 5)), max_size=12)
 
@@ -195,7 +194,8 @@ def built(robot: Robot, motion: RobotMotion) -> tuple[Variables, list[Used]]:
     schedule = replace(feet, stances=tuple(replace(s, sole=s.sole) for s in feet.stances if s.sole == "left"))
     context = context_of(robot, motion, schedule=schedule, trust=np.linspace(0.2, 1, 6))
     variables = Variables(6, 6 + robot.dof)
-    return variables, build(context, variables, load_problem())
+    problem = load_problem()
+    return variables, [Used(r, item.use) for item in problem.terms for r in item.term.residuals(context, variables)]
 
 
 def test_the_program_has_every_kind_of_term(g1: Robot) -> None:
@@ -236,7 +236,7 @@ def test_hessian_is_positive_semidefinite_and_scales(program: tuple[Nlp, np.ndar
 
 
 def test_hessian_of_least_squares_is_the_derivative_of_the_gradient() -> None:
-    """Without tracking and constraints all residuals but the stance's are linear, and that one vanishes at the centre."""
+    """Of the costs only tracking and the stance's are not linear; the stance's residual vanishes at the centre."""
     variables, used = built(toy(), clip(standing(6)))
     costs = [item for item in used if item.use == "cost" and item.residual.name != "tracking"]
     assert {"posture", "stance/left"} <= {item.residual.name for item in costs}
