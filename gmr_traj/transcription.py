@@ -171,6 +171,27 @@ class _Costs:
         return value, gradient + gradient_sum.total(), hessian_sum.total()
 
 
+@dataclass(frozen=True)
+class _Block:
+    """The rows of one residual that are built.
+
+    Attributes:
+        residual: where they come from.
+        kept: which of its rows, counted frame after frame.  # (m,)
+        scale: factor of each row: linear rows are brought to a largest coefficient of one.  # (m,)
+        slack: the slacks' indices among the unknowns.  # (s,)
+        slack_row: the row each slack belongs to, an index into ``kept``.  # (s,)
+        slack_sign: 1 where it lifts the row to its lower bound, -1 where it lowers it to its upper one.  # (s,)
+    """
+
+    residual: Residual
+    kept: np.ndarray
+    scale: np.ndarray
+    slack: np.ndarray
+    slack_row: np.ndarray
+    slack_sign: np.ndarray
+
+
 class _Rows:
     """The constraints: linear rows with a constant Jacobian, and mapped functions for the others."""
 
@@ -178,7 +199,7 @@ class _Rows:
         self.slack_linear: list[tuple[np.ndarray, np.ndarray]] = []
         self.slack_quadratic: list[tuple[np.ndarray, np.ndarray]] = []
         bounds_index, bounds_lower, bounds_upper = [], [], []
-        self.blocks: list[tuple[Residual, np.ndarray, np.ndarray]] = []  # residual, rows kept (flat), slack columns
+        self.blocks: list[_Block] = []
         lower, upper = [], []
         free = np.less(*variables.bounds())
         for item in used:
@@ -189,9 +210,10 @@ class _Rows:
                 raise ProblemError(f"term {residual.name} can only be a cost, not {item.use}")
             low, high = residual.lower.ravel(order="F"), residual.upper.ravel(order="F")
             keep = (np.isfinite(low) | np.isfinite(high)) & _changeable(residual, free)
-            slack = np.zeros(0, int)
+            scale = np.ones(low.size)
             if isinstance(residual, LinearResidual):
                 low, high = low - residual.offset, high - residual.offset
+                scale = 1.0 / np.maximum(abs(residual.matrix).max(axis=1).toarray().ravel(), 1e-300)
                 if item.use == "hard":
                     single = np.diff(residual.matrix.indptr) == 1
                     index = residual.matrix.indices[residual.matrix.indptr[:-1][single & keep]]
@@ -204,14 +226,11 @@ class _Rows:
             kept = np.flatnonzero(keep)
             if not kept.size:
                 continue
-            if item.use == "soft":
-                weight = residual.weights.ravel(order="F")[kept]
-                slack = np.concatenate([variables.add(np.zeros(kept.size), lower=0.0) for _ in range(2)])
-                self.slack_linear.append((slack, SOFT_SLOPE * np.tile(weight, 2)))
-                self.slack_quadratic.append((slack, np.tile(weight, 2)))
-            self.blocks.append((residual, kept, slack))
-            lower.append(low[kept])
-            upper.append(high[kept])
+            low, high, scale = low[kept], high[kept], scale[kept]
+            block = _Block(residual, kept, scale, *self._slacks(item, kept, low, high, variables))
+            self.blocks.append(block)
+            lower.append(low * scale)
+            upper.append(high * scale)
         self.size = variables.size
         self.bound_index = np.concatenate([*bounds_index, np.zeros(0, int)])
         self.bound_lower = np.concatenate([*bounds_lower, np.zeros(0)])
@@ -219,17 +238,33 @@ class _Rows:
         self.lower = np.concatenate([*lower, np.zeros(0)])
         self.upper = np.concatenate([*upper, np.zeros(0)])
 
+    def _slacks(
+        self, item: Used, kept: np.ndarray, low: np.ndarray, high: np.ndarray, variables: Variables
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """One slack for each finite bound of a soft row, starting from what the row is off by."""
+        if item.use != "soft":
+            return np.zeros(0, int), np.zeros(0, int), np.zeros(0)
+        below, above = np.flatnonzero(np.isfinite(low)), np.flatnonzero(np.isfinite(high))
+        row = np.concatenate([below, above])
+        value = _values(item.residual, variables.initial())[kept]
+        off = np.concatenate([low[below] - value[below], value[above] - high[above]])
+        slack = variables.add(np.maximum(0.0, off), lower=0.0)
+        weight = item.residual.weights.ravel(order="F")[kept][row]
+        self.slack_linear.append((slack, SOFT_SLOPE * weight))
+        self.slack_quadratic.append((slack, weight))
+        return slack, row, np.repeat([1.0, -1.0], [below.size, above.size])
+
     def expressions(self, x: ca.MX) -> tuple[ca.MX, ca.MX]:
         """Constraint values and their sparse Jacobian."""
         total = SparseSum((len(self.lower), self.size))
         values = []
         first = 0
-        for residual, kept, slack in self.blocks:
+        for block in self.blocks:
+            residual, kept = block.residual, block.kept
             here = first + np.arange(kept.size)
             if isinstance(residual, LinearResidual):
-                matrix = _widen([residual.matrix[kept]], self.size)
-                coo = matrix.tocoo()
-                total.add_constant(first + coo.row, coo.col, coo.data)
+                matrix = (sp.diags(block.scale) @ _widen([residual.matrix[kept]], self.size)).tocoo()
+                total.add_constant(first + matrix.row, matrix.col, matrix.data)
                 row = to_dm(matrix.tocsc()) @ x
             else:
                 assert residual.jacobian is not None
@@ -246,13 +281,22 @@ class _Rows:
                     residual.columns[:, j].ravel()[select],
                     nonzeros(residual.jacobian.map(count)(z, parameter))[select.tolist()],
                 )
-            if slack.size:
-                plus, minus = slack[: kept.size], slack[kept.size :]
-                row = row + x[plus.tolist()] - x[minus.tolist()]
-                total.add_constant(np.tile(here, 2), slack, np.repeat([1.0, -1.0], kept.size))
+            if block.slack.size:
+                factor = block.slack_sign * block.scale[block.slack_row]
+                slack = sp.csc_matrix((factor, (block.slack_row, block.slack)), shape=(kept.size, self.size))
+                row = row + to_dm(slack) @ x
+                total.add_constant(here[block.slack_row], block.slack, factor)
             values.append(row)
             first += kept.size
         return ca.vertcat(*values) if values else ca.MX(0, 1), total.total()
+
+
+def _values(residual: Residual, x: np.ndarray) -> np.ndarray:
+    """Rows of a residual at x, frame after frame; linear ones without their offset."""
+    if isinstance(residual, LinearResidual):
+        return np.asarray(residual.matrix @ x[: residual.matrix.shape[1]])
+    z = x[residual.columns].T
+    return np.array(residual.value.map(len(residual.frames))(z, residual.parameters)).ravel(order="F")
 
 
 def gather(x: ca.MX, columns: np.ndarray) -> ca.MX:
