@@ -89,7 +89,10 @@ def _term(table: Table) -> UsedTerm:
         raise table.error(f"has use {use!r}; it can be {', '.join(kind.uses)}")
     values = {field.name: _number(table, field.name) for field in fields(kind)}
     table.done()
-    return UsedTerm(name, kind(**values), use)
+    term = kind(**values)
+    if complaint := term.complaint():
+        raise table.error(complaint)
+    return UsedTerm(name, term, use)
 
 
 def _number(table: Table, key: str) -> float:

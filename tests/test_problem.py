@@ -131,6 +131,25 @@ def test_what_is_wrong_is_named_in_one_line(
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.parametrize(
+    ("term", "message"),
+    [
+        (
+            'type = "ground"\nuse = "hard"\nclearance = 0.01\nnear = 0.01\nscale = 1',
+            r"\(ground\) near is 0.01, not above clearance, 0.01: rows that are violated are not built",
+        ),
+        (
+            'type = "joint_velocity"\nuse = "hard"\nfactor = 0.9\nnear = 1.1',
+            r"\(joint_velocity\) near is 1.1; above 1, rows that are violated are not built",
+        ),
+    ],
+)
+def test_fields_that_would_lose_rows(tmp_path: Path, term: str, message: str) -> None:
+    text = TEXT.replace('type = "joint_position"\nuse = "hard"\nmargin = 0', term)
+    with pytest.raises(ProblemError, match=message):
+        load_problem(write(tmp_path, text))
+
+
 def test_terms_that_are_no_tables(tmp_path: Path) -> None:
     head, tail = TEXT.split("[[terms]]")[0], TEXT[TEXT.index("[solver.options]") :]
     for terms, message in (
@@ -160,10 +179,17 @@ def test_every_term_takes_its_fields_and_nothing_else(
     tmp_path_factory: pytest.TempPathFactory, name: str, value: float
 ) -> None:
     kind = TERMS[name]
-    lines = [f'type = "{name}"', f'use = "{kind.uses[0]}"', *[f"{field.name} = {value!r}" for field in fields(kind)]]
+    values = {field.name: value for field in fields(kind)}
+    if "near" in values:
+        values["near"] = 0.5 if "factor" in values else 2 * value
+    lines = [
+        f'type = "{name}"',
+        f'use = "{kind.uses[0]}"',
+        *[f"{field} = {number!r}" for field, number in values.items()],
+    ]
     text = TEXT[: TEXT.index("[[terms]]")] + "[[terms]]\n" + "\n".join(lines) + TEXT[TEXT.index("\n[solver.options]") :]
     (item,) = load_problem(write(tmp_path_factory.getbasetemp(), text)).terms
-    assert item.term == kind(*[value] * len(fields(kind)))
+    assert item.term == kind(**values)
 
 
 def test_the_users_path(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:

@@ -59,7 +59,8 @@ class JointPosition(Term):
 
 @dataclass(frozen=True)
 class _RateLimit(Term):
-    """Fields: ``factor``, share of the robot's limit that may be used; ``near``, share from which on rows are built."""
+    """Fields: ``factor``, share of the robot's limit that may be used; ``near``, share of that from which on rows
+    are built."""
 
     factor: float
     near: float
@@ -67,6 +68,10 @@ class _RateLimit(Term):
     uses: ClassVar[tuple[str, ...]] = ("hard", "soft")
     order: ClassVar[int]
     label: ClassVar[str]
+
+    def complaint(self) -> str:
+        """Rows must be built wherever the limit is violated."""
+        return "" if self.near <= 1 else f"near is {self.near:g}; above 1, rows that are violated are not built"
 
     def limit(self, context: Context) -> np.ndarray:
         """The robot's limit [rad/s^k], ``(n,)``."""

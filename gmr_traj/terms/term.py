@@ -21,6 +21,13 @@ class Term(ABC):
 
     uses: ClassVar[tuple[str, ...]] = ("cost", "hard", "soft")
 
+    def complaint(self) -> str:
+        """What is wrong with the fields taken together, in words; empty if nothing is."""
+        near, clearance = (getattr(self, name, None) for name in ("near", "clearance"))
+        if near is None or clearance is None or near > clearance:
+            return ""
+        return f"near is {near:g}, not above clearance, {clearance:g}: rows that are violated are not built"
+
     @abstractmethod
     def residuals(self, context: Context, variables: Variables) -> list[Residual]:
         """The term's residuals about the context's centre motion."""
