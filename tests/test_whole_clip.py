@@ -124,7 +124,7 @@ def test_the_report_names_every_term_with_its_worst_row() -> None:
 
 
 def test_the_value_of_a_term_is_what_its_formula_gives() -> None:
-    """Posture alone is pulled to the target by nothing else: held frames keep their deviation, and that is its share."""
+    """With posture alone, held frames keep their deviation and all others lose theirs."""
     target, centre = with_joint(2, np.full(10, 0.3)), with_joint(2, np.zeros(10))
     held = np.arange(4)
     task = Task(centre, target, np.ones(10), ContactSchedule(10, FPS, ()), held)

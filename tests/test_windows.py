@@ -142,7 +142,7 @@ def test_progress_counts_frames() -> None:
     seen: list[tuple[str, int, int]] = []
     robot = toy()
     refine(noisy(80), robot, load_problem(), window=0.8, progress=lambda *step: seen.append(step))
-    assert [step for step in seen if step[0] == "windows"][0] == ("windows", 0, 80)
+    assert next(step for step in seen if step[0] == "windows") == ("windows", 0, 80)
     assert all(0 <= done <= total for _, done, total in seen)
 
 

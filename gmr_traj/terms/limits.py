@@ -59,8 +59,7 @@ class JointPosition(Term):
 
 @dataclass(frozen=True)
 class _RateLimit(Term):
-    """Fields: ``factor``, share of the robot's limit that may be used; ``near``, share of that from which on rows
-    are built."""
+    """Fields: ``factor``, share of the robot's limit to use; ``near``, share of that from which on rows are built."""
 
     factor: float
     near: float
