@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 from conftest import random_configurations
 from metrics_toy import clip, standing
 from optimiser_setup import context_of, jacobian_error, kinematics_of, problem_of, residuals_of, toy, values
+from robot_files import MJCF, write_robot
 
 from gmr_traj.collision import segments
 from gmr_traj.collision.capsules import radii, world_segments
@@ -15,6 +19,7 @@ from gmr_traj.kinematics.mujoco_kinematics import placements
 from gmr_traj.motion import RobotMotion
 from gmr_traj.residuals import FrameResidual
 from gmr_traj.robot import Robot
+from gmr_traj.robot_loading import load_robot
 from gmr_traj.terms.context import stepped
 from gmr_traj.terms.posture import Posture
 from gmr_traj.terms.self_collision import SelfCollision
@@ -42,23 +47,31 @@ def arm_at(angle: float, frames: int = 6) -> RobotMotion:
     return clip(qpos)
 
 
-@pytest.mark.parametrize("name", ["toy", "g1", "talos"])
+@pytest.fixture
+def offset(tmp_path: Path) -> Robot:
+    """A biped whose hinges lie off their bodies' origins and whose angles do not count from zero."""
+    text = MJCF.replace('name="left_hip" type="hinge"', 'name="left_hip" type="hinge" pos="0.02 0.03 0.01" ref="0.2"')
+    return load_robot(write_robot(tmp_path, model=text.replace('name="right_hip"', 'name="right_hip" ref="0.1"')))
+
+
+@pytest.mark.parametrize("name", ["toy", "offset", "g1", "talos"])
 def test_rows_are_the_closed_form_of_the_segments(request: pytest.FixtureRequest, name: str) -> None:
     """For steps of all joints and of the base, which must not matter; every close pair and frame has its row."""
     robot = toy() if name == "toy" else request.getfixturevalue(name)
     motion = RobotMotion(random_configurations(robot, 4, seed=40), 30.0, robot.joint_names)
-    found, variables = residuals_of(TERM, context_of(robot, motion))
+    term = replace(TERM, near=0.5) if name == "offset" else TERM  # so that its legs count as close
+    found, variables = residuals_of(term, context_of(robot, motion))
     x = 0.3 * np.random.default_rng(1).normal(size=variables.size)
     before, after = clearances(robot, motion), clearances(robot, stepped(motion, x.reshape(4, -1)))
     rows = 0
     for residual in found:
         assert isinstance(residual, FrameResidual)
         pair = residual.name.removeprefix("self_collision/")
-        np.testing.assert_array_equal(residual.frames, np.flatnonzero(before[pair] < TERM.near))
+        np.testing.assert_array_equal(residual.frames, np.flatnonzero(before[pair] < term.near))
         np.testing.assert_allclose(values(residual, x)[0], after[pair][residual.frames], atol=2e-6)
         assert (residual.columns % variables.tangent >= 6).all()
         rows += len(residual.frames)
-    assert rows == sum(int((gap < TERM.near).sum()) for gap in before.values()) > 0
+    assert rows == sum(int((gap < term.near).sum()) for gap in before.values()) > 0
 
 
 @pytest.mark.parametrize("name", ["toy", "g1"])

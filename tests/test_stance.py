@@ -9,6 +9,7 @@ from optimiser_setup import context_of, jacobian_error, kinematics_of, problem_o
 
 from gmr_traj.contacts.detect import sole_points
 from gmr_traj.contacts.schedule import ContactSchedule, Stance
+from gmr_traj.evaluation import evaluate
 from gmr_traj.residuals import FrameResidual
 from gmr_traj.terms.context import stepped
 from gmr_traj.terms.smoothness import Acceleration
@@ -48,6 +49,8 @@ def test_rows_are_points_less_anchors() -> None:
     rows = values(residual, x).reshape(4, 3, -1)
     weight = residual.weights.reshape(4, 3, -1)
     names = list(residual.rows)
+    # A point in swing has no row in the report.
+    assert evaluate(residual, x).rows.size == 3 * sum(stance.stop - stance.start for stance in schedule.stances)
     for column, frame in enumerate(residual.frames):
         for k in range(4):
             stance = next((s for s in schedule.stances if s.point == k and s.start <= frame < s.stop), None)

@@ -128,7 +128,35 @@ def test_single_entries_become_bounds() -> None:
     np.testing.assert_allclose([nlp.row_lower, nlp.row_upper], [[-2.0], [0.0]])
     soft = transcribe(Variables(3, 1), [Used(linear(matrix, low, high), "soft")])
     assert np.isinf(soft.lower[:3]).all() and len(soft.row_lower) == 4  # a soft row needs its slack
-    assert len(soft.initial) == 3 + 2 * 4 and not soft.lower[3:].any()
+    assert not soft.lower[3:].any() and np.isposinf(soft.upper[3:]).all()
+
+
+def test_a_soft_row_has_a_slack_for_each_bound_that_starts_where_it_is_needed() -> None:
+    matrix, low, high = np.eye(3) * 2, np.array([-1.0, 4.0, -np.inf]), np.array([3.0, 5.0, -7.0])
+    nlp = transcribe(Variables(3, 1), [Used(linear(matrix, low, high, offset=1.0), "soft")])
+    assert sorted(nlp.initial[3:]) == [0.0, 0.0, 0.0, 3.0, 8.0]  # five finite bounds; r = 1 is off by 3 and by 8
+    g = np.array(nlp.jacobian(nlp.initial, [])[0]).ravel()
+    assert (nlp.row_lower - 1e-12 <= g).all() and (g <= nlp.row_upper + 1e-12).all()
+
+
+@given(st.floats(1e-3, 1e4))
+def test_the_size_of_a_linear_rows_coefficients_does_not_matter(size: float) -> None:
+    """Rates in rad/s^2 and steps in rad are the same constraint; Ipopt sees rows whose largest coefficient is one."""
+    rows = linear(
+        size * np.array([[1.0, -1.0], [0.25, 0.5]]), size * np.array([-1.0, -2.0]), size * np.array([1.0, 2.0])
+    )
+    nlp = transcribe(Variables(2, 1), [Used(rows, "hard")])
+    np.testing.assert_allclose(np.array(ca.densify(nlp.jacobian([0, 0], [])[1])), [[1, -1], [0.5, 1]], rtol=1e-12)
+    np.testing.assert_allclose([nlp.row_lower, nlp.row_upper], [[-1, -4], [1, 4]], rtol=1e-12)
+
+
+def test_rotations_of_the_base_reach_everything_but_a_full_turn() -> None:
+    lower, upper = Variables(4, 9).bounds()
+    lower, upper = lower.reshape(4, 9), upper.reshape(4, 9)
+    assert np.isinf(np.delete(lower, [3, 4, 5], axis=1)).all() and np.isinf(np.delete(upper, [3, 4, 5], axis=1)).all()
+    np.testing.assert_array_equal(lower, -upper)
+    assert (upper[:, 3:6] >= np.pi).all()  # every rotation has a vector of at most half a turn
+    assert (np.linalg.norm(upper[:, 3:6], axis=1) < 2 * np.pi).all()
 
 
 def test_rows_without_a_bound_are_not_there() -> None:

@@ -8,9 +8,11 @@ from metrics_toy import FPS, both_feet, clip, standing
 from optimiser_setup import kinematics_of, toy
 from scipy.spatial.transform import Rotation
 
+from gmr_traj import windows
 from gmr_traj.contacts.schedule import ContactSchedule, Stance
 from gmr_traj.exceptions import ProblemError
 from gmr_traj.motion import RobotMotion
+from gmr_traj.outcome import SolveReport
 from gmr_traj.problem import load_problem
 from gmr_traj.refine import Refinement, refine
 from gmr_traj.task import HELD, Task
@@ -136,6 +138,47 @@ def test_reports_name_frames_of_the_clip_and_add_up() -> None:
     assert len(terms) == len(result.report.terms)
     assert result.report.objective == pytest.approx(sum(term.value for term in result.report.terms))
     assert terms["posture"].rows >= 120 * 3
+
+
+def test_a_window_starts_from_what_the_last_one_saw_ahead(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Held frames are final, the look-ahead is where the next window begins, and every frame is kept once."""
+    motion, parts = noisy(100), []
+
+    def solve(part: Task, *_: object) -> tuple[RobotMotion, SolveReport]:
+        parts.append(part)
+        qpos = part.centre.qpos.copy()
+        qpos[len(part.held) :, 0] = len(parts)  # the window's mark
+        report = SolveReport("converged", "Solve_Succeeded", "fake", 1, 0.0, 0.0, 1, 0.0, (), "")
+        return part.centre.with_qpos(qpos), report
+
+    monkeypatch.setattr(windows, "solve_clip", solve)
+    task = Task(motion, motion, np.ones(100), both_feet(100), np.zeros(0, int))
+    result, report = solve_windows(task, kinematics_of(toy()), load_problem(), 0.8, 0.2)
+    # Windows of 40 frames that keep all but 10, of which three are held in the next: 0-40, 27-67, 54-94, 81-100.
+    assert [(len(part.held), part.centre.frames) for part in parts] == [(0, 40), (3, 40), (3, 40), (3, 19)]
+    np.testing.assert_array_equal(result.qpos[:, 0], np.repeat([1, 2, 3, 4], [30, 27, 27, 16]))
+    for number, part in enumerate(parts[1:], start=1):
+        ahead = part.centre.qpos[: HELD + 10, 0]
+        np.testing.assert_array_equal(ahead, np.full(HELD + 10, number))
+        assert (part.centre.qpos[HELD + 10 :, 0] != number).all()
+    for part, start in zip(parts, (0, 27, 54, 81), strict=True):
+        np.testing.assert_array_equal(part.target.qpos, motion.qpos[start : start + part.target.frames])
+    assert report.iterations == 4 and report.status == "converged"
+
+
+def test_a_window_that_fails_is_the_last(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls = []
+
+    def solve(part: Task, *_: object) -> tuple[RobotMotion, SolveReport]:
+        calls.append(part)
+        status = "not converged" if len(calls) == 2 else "acceptable"
+        return part.centre, SolveReport(status, "word", "fake", 1, 0.0, 0.0, 1, 0.0, (), status)
+
+    monkeypatch.setattr(windows, "solve_clip", solve)
+    motion = noisy(150)
+    task = Task(motion, motion, np.ones(150), both_feet(150), np.zeros(0, int))
+    _, report = solve_windows(task, kinematics_of(toy()), load_problem(), 0.8, 0.2)
+    assert len(calls) == 2 and report.status == "not converged" and report.message == "acceptable; not converged"
 
 
 def test_progress_counts_frames() -> None:
