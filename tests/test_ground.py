@@ -21,7 +21,7 @@ from gmr_traj.terms.posture import Posture
 from gmr_traj.terms.tracking import Tracking
 from gmr_traj.whole_clip import Task, solve_clip
 
-TERM = Ground(clearance=0.0, near=0.06, scale=0.001)
+TERM = Ground(clearance=0.002, near=0.06, scale=0.001)
 
 
 def heights(robot: Robot, motion: RobotMotion, name: str) -> np.ndarray:
@@ -55,7 +55,7 @@ def test_rows_are_heights(request: pytest.FixtureRequest, name: str) -> None:
         np.testing.assert_allclose(values(residual, x), heights(robot, after, shape)[:, residual.frames], atol=1e-9)
         before = heights(robot, motion, shape)[:, residual.frames]
         np.testing.assert_array_equal(np.isfinite(residual.lower), before < TERM.near)
-        assert np.isposinf(residual.upper).all()
+        assert np.isposinf(residual.upper).all() and set(residual.lower[before < TERM.near]) == {TERM.clearance}
     for residual in found[:3]:
         assert isinstance(residual, FrameResidual)
         assert jacobian_error(residual, x) < 1e-8
@@ -85,7 +85,7 @@ def test_rows_near_any_visited_motion_stay() -> None:
 
 @pytest.mark.parametrize("use", ["hard", "soft", "cost"])
 def test_a_sunk_clip_ends_at_the_floor(use: str) -> None:
-    """Feet 4 cm under the floor throughout: up to the floor and not beyond, whatever use is made of the term."""
+    """Feet 4 cm under the floor throughout: up to the clearance and not beyond, whatever use is made of the term."""
     # Without an outline the four contact points count, so that tilting a foot gains nothing.
     robot = replace(toy(), soles=tuple(replace(sole, outline=np.zeros((0, 3))) for sole in toy().soles))
     motion = clip(standing(8) - 0.04 * np.eye(10)[2])
@@ -96,5 +96,5 @@ def test_a_sunk_clip_ends_at_the_floor(use: str) -> None:
     result, report = solve_clip(task, kinematics_of(robot), problem)
     assert report.status == "converged"
     lowest = min(heights(robot, result, f"{sole.name} sole").min() for sole in robot.soles)
-    assert lowest == pytest.approx(0.0, abs=1e-6 if use == "hard" else 1e-3)
-    assert result.qpos[:, 2] == pytest.approx(np.ones(8), abs=0.002)
+    assert lowest == pytest.approx(TERM.clearance, abs=1e-6 if use == "hard" else 1e-3)
+    assert result.qpos[:, 2] == pytest.approx(np.full(8, 1 + TERM.clearance), abs=0.002)

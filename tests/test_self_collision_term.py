@@ -103,6 +103,15 @@ def test_only_the_joints_between_the_bodies_are_named() -> None:
     np.testing.assert_array_equal(residual.columns, variables.steps[:, [8]])
 
 
+def test_pairs_close_in_any_visited_motion_stay() -> None:
+    inside, clear = arm_at(-1.0), arm_at(0.5)
+    assert residuals_of(TERM, context_of(toy(), clear))[0] == []
+    (residual,) = residuals_of(TERM, context_of(toy(), clear, visited=(inside, clear)))[0]
+    assert isinstance(residual, FrameResidual)
+    np.testing.assert_array_equal(residual.frames, np.arange(6))
+    np.testing.assert_allclose(values(residual, np.zeros(54))[0], clearances(toy(), clear)["torso:arm"], atol=1e-6)
+
+
 @pytest.mark.parametrize("use", ["hard", "soft", "cost"])
 def test_an_arm_in_the_torso_comes_out(use: str) -> None:
     robot, motion = toy(), arm_at(-1.0)
