@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gmr_traj.collision.untangle import untangle
 from gmr_traj.contacts.detect import detect
 from gmr_traj.contacts.schedule import ContactSchedule
 from gmr_traj.exceptions import ClipError, ProblemError, RobotError, ScheduleError
@@ -83,7 +84,9 @@ def refine(
         raise ScheduleError(f"the contact schedule has {schedule.frames} frames, the clip {motion.frames}")
     levelled = motion.shifted(schedule.height)
     kinematics = kinematics or CasadiKinematics(robot)
-    task = Task(levelled, levelled, trust(motion), schedule, held=np.zeros(0, int))
+    # Where a limb is deep in the body the input is no reference: start from, and stay near, a way around.
+    start, _ = untangle(robot, levelled)
+    task = Task(start, start, trust(motion), schedule, held=np.zeros(0, int))
     if window is None:
         result, report = solve_clip(task, kinematics, problem, progress)
     else:

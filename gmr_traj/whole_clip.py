@@ -46,7 +46,7 @@ def solve_clip(
     motion, solution, used = _solve(task, kinematics, problem, problem.first)
     solutions, passes, built = [solution], 1, _built(used)
     visited = (*task.visited, task.centre)
-    missing = _violated(task, motion, kinematics, problem) - built
+    missing = _violated(task, motion, kinematics, problem, built)
     while missing and passes < problem.passes and solutions[-1].status != "not converged":
         if progress is not None:
             progress("repairing", passes, problem.passes)
@@ -64,7 +64,7 @@ def solve_clip(
             qpos[start:stop] = repaired.qpos
         motion = motion.with_qpos(qpos)
         built |= missing
-        missing = _violated(task, motion, kinematics, problem) - built
+        missing = _violated(task, motion, kinematics, problem, built)
     final, variables = _residuals(replace(task, visited=visited), motion, kinematics, problem)
     reports = tuple(report(item, variables.initial()) for item in final)
     return motion, _summary(solutions, passes, reports, missing)
@@ -91,14 +91,17 @@ def _residuals(
     return used, variables
 
 
-def _violated(task: Task, motion: RobotMotion, kinematics: CasadiKinematics, problem: Problem) -> set[Row]:
-    """Constraint rows that a motion violates."""
+def _violated(
+    task: Task, motion: RobotMotion, kinematics: CasadiKinematics, problem: Problem, built: set[Row]
+) -> set[Row]:
+    """Constraint rows that a motion violates; soft ones only where the problem did not have them."""
     constraints = replace(problem, terms=tuple(item for item in problem.terms if item.use != "cost"))
     used, variables = _residuals(replace(task, visited=()), motion, kinematics, constraints)
     violated: set[Row] = set()
     for item in used:
         values = evaluate(item.residual, variables.initial())
-        violated |= values.keys(values.off > TOLERANCE.get(item.residual.unit, 1e-4))
+        rows = values.keys(values.off > TOLERANCE.get(item.residual.unit, 1e-4))
+        violated |= rows - built if item.use == "soft" else rows
     return violated
 
 
