@@ -37,7 +37,9 @@ class RobotMotion:
         qpos = np.array(self.qpos, dtype=np.float64)
         width = 7 + len(self.joint_names)
         if qpos.ndim != 2 or qpos.shape[1] != width:
-            raise ClipError(f"configurations have shape {qpos.shape}; expected (frames, {width}): 7 for the base and {width - 7} joints")
+            raise ClipError(
+                f"configurations have shape {qpos.shape}; expected (frames, {width}): 7 of the base, {width - 7} joints"
+            )
         if len(qpos) == 0:
             raise ClipError("the clip has no frames")
         if not np.isfinite(self.fps) or self.fps <= 0:
@@ -48,7 +50,8 @@ class RobotMotion:
         norm = np.linalg.norm(qpos[:, 3:7], axis=1)
         off = np.flatnonzero(np.abs(norm - 1.0) > 1e-3)
         if off.size:
-            raise ClipError(f"frame {off[0]}: the base quaternion has length {norm[off[0]]:.4f}, not 1 ({off.size} such frames)")
+            length = norm[off[0]]
+            raise ClipError(f"frame {off[0]}: the base quaternion has length {length:.4f}, not 1 ({off.size} such frames)")
         qpos[:, 3:7] /= norm[:, None]
         qpos.setflags(write=False)
         object.__setattr__(self, "qpos", qpos)

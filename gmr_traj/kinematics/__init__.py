@@ -1,0 +1,1 @@
+"""One robot description, three users: MuJoCo (numbers), CasADi (the problem), Pinocchio (dynamics, and the check)."""
