@@ -51,7 +51,7 @@ class RobotMotion:
         off = np.flatnonzero(np.abs(norm - 1.0) > 1e-3)
         if off.size:
             length = norm[off[0]]
-            raise ClipError(f"frame {off[0]}: the base quaternion has length {length:.4f}, not 1 ({off.size} such frames)")
+            raise ClipError(f"frame {off[0]}: the base quaternion has length {length:.4f}, not 1 ({off.size} frames)")
         qpos[:, 3:7] /= norm[:, None]
         qpos.setflags(write=False)
         object.__setattr__(self, "qpos", qpos)
