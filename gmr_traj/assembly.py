@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import casadi as ca
 import numpy as np
 import scipy.sparse as sp
@@ -73,3 +75,19 @@ class SparseSum:
             adder = sp.csc_matrix((np.ones(len(slot)), (slot, np.arange(len(slot)))), shape=(len(places), len(slot)))
             nonzeros = nonzeros + to_dm(adder) @ ca.vertcat(*expressions)
         return ca.MX(sparsity, ca.densify(ca.MX(nonzeros)))
+
+
+def gather(x: ca.MX, columns: np.ndarray) -> ca.MX:
+    """Unknowns of each frame, a column a frame, ``(nz, K)``."""
+    return ca.reshape(x[columns.ravel().tolist()], columns.shape[1], columns.shape[0])
+
+
+def nonzeros(matrix: ca.MX) -> ca.MX:
+    """Nonzeros of a matrix as a column, in column-major order."""
+    return ca.vec(matrix.nz[:])
+
+
+def widen(blocks: Sequence[sp.csr_matrix], size: int) -> sp.csr_matrix:
+    """Stack matrices that were built before the last unknowns were added."""
+    wide = [sp.csr_matrix((b.data, b.indices, b.indptr), shape=(b.shape[0], size)) for b in blocks]
+    return sp.vstack(wide).tocsr() if wide else sp.csr_matrix((0, size))

@@ -9,8 +9,7 @@ import numpy as np
 
 from gmr_traj.frame_costs import gauss_newton
 from gmr_traj.outcome import TermReport
-from gmr_traj.residuals import FrameResidual, LinearResidual, Residual, exceedance
-from gmr_traj.transcription import Used
+from gmr_traj.residuals import FrameResidual, LinearResidual, Residual, Used, exceedance
 
 Row = tuple[str, int, int]
 

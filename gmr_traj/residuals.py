@@ -98,6 +98,14 @@ class LinearResidual:
 Residual = FrameResidual | LinearResidual
 
 
+@dataclass(frozen=True)
+class Used:
+    """A residual and what the problem uses it as: ``cost``, ``hard`` or ``soft``."""
+
+    residual: Residual
+    use: str
+
+
 def exceedance(values: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
     """Distance of each value from its interval: ``max(0, lower - r) + max(0, r - upper)``."""
     return np.maximum(0.0, lower - values) + np.maximum(0.0, values - upper)

@@ -17,11 +17,11 @@ from gmr_traj.kinematics.casadi_kinematics import CasadiKinematics
 from gmr_traj.motion import RobotMotion
 from gmr_traj.outcome import SolveReport, TermReport
 from gmr_traj.problem import Problem
-from gmr_traj.residuals import FrameResidual
+from gmr_traj.residuals import FrameResidual, Used
 from gmr_traj.solver import RANKING, Attempt, Solution, solve
 from gmr_traj.task import HELD, Task
 from gmr_traj.terms.context import Context, stepped
-from gmr_traj.transcription import Used, transcribe
+from gmr_traj.transcription import transcribe
 from gmr_traj.variables import Variables
 
 Progress = Callable[[str, int, int], None]

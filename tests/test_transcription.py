@@ -14,15 +14,16 @@ from metrics_toy import both_feet, clip, standing
 from optimiser_setup import EXAMPLE, TIGHT, context_of, residuals_of, toy
 
 from gmr_traj.assembly import SparseSum, to_dm
+from gmr_traj.constraints import SOFT_SLOPE
 from gmr_traj.exceptions import ProblemError
 from gmr_traj.formats import read_clip
 from gmr_traj.motion import RobotMotion
 from gmr_traj.problem import load_problem
-from gmr_traj.residuals import FrameResidual, LinearResidual
+from gmr_traj.residuals import FrameResidual, LinearResidual, Used
 from gmr_traj.robot import Robot
 from gmr_traj.solver import solve
 from gmr_traj.terms.tracking import Tracking
-from gmr_traj.transcription import SOFT_SLOPE, Nlp, Used, transcribe
+from gmr_traj.transcription import Nlp, transcribe
 from gmr_traj.variables import Variables
 
 ENTRIES = st.lists(st.tuples(st.integers(0, 4), st.integers(0, 4), st.floats(-5, 5)), max_size=12)
