@@ -82,6 +82,8 @@ def refine(
         schedule = detect(motion, robot)
     elif schedule.frames != motion.frames:
         raise ScheduleError(f"the contact schedule has {schedule.frames} frames, the clip {motion.frames}")
+    elif abs(schedule.fps - motion.fps) > 1e-3 * motion.fps:
+        raise ScheduleError(f"the contact schedule is for {schedule.fps:g} fps, the clip has {motion.fps:g}")
     levelled = motion.shifted(schedule.height)
     kinematics = kinematics or CasadiKinematics(robot)
     # Where a limb is deep in the body the input is no reference: start from, and stay near, a way around.

@@ -75,7 +75,7 @@ class Refine(Common):
     window: Annotated[float | None, _named("SECONDS", "the whole clip at once")] = None
     """Solve in windows of this length."""
 
-    overlap: Annotated[float | None, _named("SECONDS", "the problem's")] = None
+    overlap: Annotated[float | None, _named("SECONDS", "a quarter of the window")] = None
     """How far neighbouring windows overlap."""
 
     json: bool = False
@@ -141,7 +141,7 @@ class Bench(Common):
     window: Annotated[float | None, _named("SECONDS", "the whole clip at once")] = None
     """Solve in windows of this length."""
 
-    overlap: Annotated[float | None, _named("SECONDS", "the problem's")] = None
+    overlap: Annotated[float | None, _named("SECONDS", "a quarter of the window")] = None
     """How far neighbouring windows overlap."""
 
     json: bool = False

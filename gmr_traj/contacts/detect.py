@@ -21,7 +21,8 @@ class DetectionSettings:
         enter_height, enter_speed: a stance begins below both [m], [m/s].
         leave_height, leave_speed: and ends above either.
         shortest: stances shorter than this are dropped [s].
-        bridge: gaps up to this long between two stances of a point that stay low are closed [s].
+        bridge: gaps up to this long between two stances of a point that stays low are closed [s],
+        bridge_distance: if the point is no farther than this from where it was [m].
     """
 
     level_quantile: float = 0.1
@@ -30,7 +31,8 @@ class DetectionSettings:
     leave_height: float = 0.04
     leave_speed: float = 0.5
     shortest: float = 0.1
-    bridge: float = 0.07
+    bridge: float = 0.11
+    bridge_distance: float = 0.03
 
 
 def detect(motion: RobotMotion, robot: Robot, settings: DetectionSettings = DetectionSettings()) -> ContactSchedule:
@@ -45,7 +47,8 @@ def detect(motion: RobotMotion, robot: Robot, settings: DetectionSettings = Dete
     shortest = max(3, round(settings.shortest * motion.fps))
     stances = []
     for column, (sole, point, part) in enumerate(owners):
-        for start, stop in _hysteresis(height[:, column], speed[:, column], settings):
+        runs = _hysteresis(height[:, column], speed[:, column], settings)
+        for start, stop in _bridged(runs, points[:, column], height[:, column], motion.fps, settings):
             if stop - start >= shortest:
                 stances.append(Stance(sole, point, part, start, stop))
     return ContactSchedule(motion.frames, motion.fps, tuple(sorted(stances)), height=-level)
@@ -76,3 +79,20 @@ def _hysteresis(height: np.ndarray, speed: np.ndarray, settings: DetectionSettin
     if start is not None:
         runs.append((start, len(height)))
     return runs
+
+
+def _bridged(
+    runs: list[tuple[int, int]], point: np.ndarray, height: np.ndarray, fps: float, settings: DetectionSettings
+) -> list[tuple[int, int]]:
+    """Runs joined across a fault: a gap of a few frames in which the point stays low and comes back to its place."""
+    out: list[tuple[int, int]] = []
+    for start, stop in runs:
+        if out:
+            first, last = out[-1]
+            low = (height[last:start] <= settings.leave_height).all()
+            moved = float(np.linalg.norm(point[start, :2] - point[last - 1, :2]))
+            if start - last <= settings.bridge * fps and low and moved <= settings.bridge_distance:
+                out[-1] = (first, stop)
+                continue
+        out.append((start, stop))
+    return out
