@@ -87,6 +87,8 @@ def _bridged(
     """Runs joined across a fault: a gap of a few frames in which the point stays low and comes back to its place."""
     out: list[tuple[int, int]] = []
     for start, stop in runs:
+        if stop - start < 2:
+            continue  # the fault itself, still for the one frame in which its speeds there and back cancel
         if out:
             first, last = out[-1]
             low = (height[last:start] <= settings.leave_height).all()
