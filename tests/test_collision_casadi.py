@@ -11,8 +11,6 @@ from gmr_traj.collision.segments_casadi import (
     clearance,
     clearance_function,
     clearance_jacobian,
-    directed_clearance,
-    directed_rows,
 )
 
 COORDINATE = st.integers(-3, 3).map(lambda k: k / 4) | st.floats(-1, 1)
@@ -120,35 +118,3 @@ def test_spheres_and_their_derivative() -> None:
 
         numeric = [(value(x + h)[0] - value(x - h)[0]) / 2e-6 for h in 1e-6 * np.eye(size)]
         np.testing.assert_allclose(value(x)[1], numeric, atol=1e-6)
-
-
-@given(st.tuples(POINT, POINT, POINT, POINT), POINT)
-def test_directed_rows_bound_the_clearance(points: tuple[np.ndarray, ...], n: np.ndarray) -> None:
-    n = n / max(1.0, float(np.linalg.norm(n)))
-    a0, a1, b0, b1 = (ca.DM(p) for p in points)
-    rows = np.array(directed_rows(n, a0, a1, RA, b0, b1, RB)).ravel()
-    least = float(directed_clearance(n, a0, a1, RA, b0, b1, RB))
-    assert rows.shape == (4,)
-    assert least == pytest.approx(rows.min(), abs=1e-12)
-    assert least == pytest.approx(float(segments.directed_distance(n, *points)) - RA - RB, abs=1e-12)
-    assert least <= exact(np.concatenate(points)) + 1e-12
-    assert directed_rows(n, a0, None, RA, b0, b1, RB).shape == (2, 1)
-    assert directed_rows(n, a0, None, RA, b0, None, RB).shape == (1, 1)
-
-
-def test_directed_rows_with_a_free_direction_are_exact() -> None:
-    """The nearest position of a capsule that overlaps another, once by n as a variable and once in closed form."""
-    a0, a1 = np.array([-0.2, 0.03, 0.01]), np.array([0.25, 0.05, -0.02])
-    b0, b1 = np.array([0.02, -0.3, -0.02]), np.array([0.0, 0.3, 0.03])
-    overlap = -exact(np.concatenate([a0, a1, b0, b1]))
-    assert overlap > 0
-    shift, n = ca.SX.sym("shift", 3), ca.SX.sym("n", 3)
-    rows = directed_rows(n, a0 + shift, a1 + shift, RA, b0, b1, RB)
-    problem = {"x": ca.vertcat(shift, n), "f": ca.sumsqr(shift), "g": ca.vertcat(rows, ca.sumsqr(n))}
-    solver = ca.nlpsol("nearest", "ipopt", problem, {"ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes"})
-    start = np.r_[np.zeros(3), segments.normal(a0, a1, b0, b1)]
-    found = solver(x0=start, lbg=[0] * 4 + [-ca.inf], ubg=[ca.inf] * 4 + [1])
-    assert solver.stats()["success"]
-    moved = np.array(found["x"]).ravel()[:3]
-    assert np.linalg.norm(moved) == pytest.approx(overlap, abs=1e-6)
-    assert exact(np.concatenate([a0 + moved, a1 + moved, b0, b1])) == pytest.approx(0.0, abs=1e-6)

@@ -15,6 +15,7 @@ from gmr_traj.cli import outputs, tables
 from gmr_traj.cli.exit_codes import ExitCode
 from gmr_traj.cli.loading import load
 from gmr_traj.cli.terminal import console, progress
+from gmr_traj.collision.audit import audit
 from gmr_traj.contacts import schedule_json
 from gmr_traj.contacts.schedule import ContactSchedule
 from gmr_traj.exceptions import ScheduleError
@@ -59,6 +60,7 @@ def run(arguments: Refine) -> int:
         certificate = _certify(staged, arguments.format, clip, refinement, robot)
         code = _exit_code(converged, certificate)
         report = _report(arguments, target, clip, refinement, certificate, code)
+        report["audit"] = _audit(staged, arguments.format, clip, robot)
         text = json.dumps(report, indent=2) + "\n"
         outputs.publish(staged, target, planned.report(target), text)
     if planned.contacts is not None:
@@ -100,6 +102,15 @@ def _certify(staged: Path, file_format: str | None, clip: Clip, refinement: Refi
     written = read_clip(staged, robot, format=file_format or clip.format, fps=clip.motion.fps)
     schedule = refinement.schedule
     return certify(clip.motion, written.motion, robot, schedule, levelling=schedule.height)
+
+
+def _audit(staged: Path, file_format: str | None, clip: Clip, robot: Robot) -> list[dict[str, Any]]:
+    """Overlaps of the model's own collision geometry in the written file, by python-fcl, the deepest first."""
+    written = read_clip(staged, robot, format=file_format or clip.format, fps=clip.motion.fps)
+    return [
+        {"shapes": list(found.shapes), "depth_mm": round(1e3 * found.depth, 3), "frame": found.frame}
+        for found in audit(robot, written.motion.qpos)
+    ]
 
 
 def _exit_code(converged: bool, certificate: Certificate) -> ExitCode:

@@ -83,29 +83,6 @@ def normal(a0: Array, a1: Array, b0: Array, b1: Array) -> Array:
     return gap / np.sqrt(_dot(gap, gap))[..., None]
 
 
-def directed_distance(n: Array, a0: Array, a1: Array, b0: Array, b1: Array) -> Array:
-    """Separation of two segments along a fixed direction: ``min_i n.a_i - max_j n.b_j`` [m].
-
-    For every n with ``|n| <= 1`` it is at most ``distance``, because ``n.(p - q) <= |p - q|`` for all points p of A
-    and q of B; it equals it for the witness normal. So a non-negative directed clearance proves that two capsules are
-    clear, and a negative one is how far A has to move along a unit n for that proof (an upper bound of the
-    translation along n that is really needed).
-
-    Args:
-        n: directions from B to A.  # (..., 3)
-        a0: start of A [m].  # (..., 3)
-        a1: end of A.  # (..., 3)
-        b0: start of B.  # (..., 3)
-        b1: end of B.  # (..., 3)
-
-    Returns:
-        separation [m], negative where the segments' projections onto n overlap.  # (...,)
-    """
-    near = np.minimum(_dot(n, a0), _dot(n, a1))
-    far = np.maximum(_dot(n, b0), _dot(n, b1))
-    return near - far
-
-
 def _perpendicular(u: Array, v: Array) -> Array:
     """A vector (not of unit length) perpendicular to u and to v."""
     w = _cross(u, v)

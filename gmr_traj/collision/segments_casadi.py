@@ -1,16 +1,6 @@
 """Capsule clearances as CasADi expressions: the closed form of ``segments``, fit for Newton's method.
 
-Three ways to say that two capsules A (a0, a1, ra) and B (b0, b1, rb) stay apart; all lengths in metres:
-
-``clearance``           exact, one row: ``c = min_st |a(s) - b(t)| - ra - rb``
-``directed_rows``       sufficient, up to four rows, linear in the points: ``n.(a_i - b_j) - ra - rb`` for all i, j
-``directed_clearance``  the least of those rows, one row
-
-For ``|n| <= 1`` every directed row non-negative implies ``c >= 0``: each point of A less each point of B is a convex
-combination of the ``a_i - b_j``, so ``ra + rb <= n.(a(s) - b(t)) <= |a(s) - b(t)|``. The least row is a lower bound
-of c and equals it for the witness normal (``segments.normal``). With a constant n the rows keep A on the side of B
-that n names, however deep the capsules start; with n among the variables (and ``n.n <= 1``) they are exact.
-
+For capsules A (a0, a1, ra) and B (b0, b1, rb), all lengths in metres, ``c = min_st |a(s) - b(t)| - ra - rb``.
 A sphere is a capsule without second end point: pass None for it, which gives a cheaper expression.
 """
 
@@ -102,38 +92,6 @@ def clearance_jacobian(
         weights.append(-n * t)
     jacobian = ca.jtimes(ca.vertcat(*points), x, ca.vertcat(*weights), True).T
     return length - ra - rb, jacobian
-
-
-def directed_rows(n: ca.SX, a0: ca.SX, a1: ca.SX | None, ra: Scalar, b0: ca.SX, b1: ca.SX | None, rb: Scalar) -> ca.SX:
-    """``n.(a_i - b_j) - ra - rb`` for every end i of A and j of B [m]; see the module's text for what they bound.
-
-    Args:
-        n: direction from B to A, of length at most 1; a constant, a parameter or a variable.  # (3,)
-        a0: start of A.  # (3,)
-        a1: end of A; None for a sphere.  # (3,)
-        ra: radius of A.
-        b0: start of B.  # (3,)
-        b1: end of B; None for a sphere.  # (3,)
-        rb: radius of B.
-
-    Returns:
-        rows in the order (a0, b0), (a0, b1), (a1, b0), (a1, b1).  # (1 | 2 | 4,)
-    """
-    of_a = [ca.dot(n, a) for a in (a0, a1) if a is not None]
-    of_b = [ca.dot(n, b) for b in (b0, b1) if b is not None]
-    return ca.vertcat(*[a - b - ra - rb for a in of_a for b in of_b])
-
-
-def directed_clearance(
-    n: ca.SX, a0: ca.SX, a1: ca.SX | None, ra: Scalar, b0: ca.SX, b1: ca.SX | None, rb: Scalar
-) -> ca.SX:
-    """``min_i n.a_i - max_j n.b_j - ra - rb`` [m]: the least of ``directed_rows``.
-
-    A lower bound of ``clearance`` for every ``|n| <= 1``, equal to it for the witness normal.
-    """
-    near = ca.dot(n, a0) if a1 is None else ca.fmin(ca.dot(n, a0), ca.dot(n, a1))
-    far = ca.dot(n, b0) if b1 is None else ca.fmax(ca.dot(n, b0), ca.dot(n, b1))
-    return near - far - ra - rb
 
 
 def clearance_function(*, sphere_a: bool = False, sphere_b: bool = False) -> ca.Function:
