@@ -6,7 +6,7 @@ import contextlib
 import io
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
@@ -85,7 +85,7 @@ def refused_options(options: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def solve(nlp: Nlp, attempts: tuple[Attempt, ...]) -> Solution:
-    """Try the attempts in turn, each from where the last one stopped, until one converges.
+    """Try the attempts in turn, each from where the last one stopped, until one converges or is acceptable.
 
     Raises:
         SolverError: Ipopt could not be run with these options.
@@ -115,13 +115,9 @@ def solve(nlp: Nlp, attempts: tuple[Attempt, ...]) -> Solution:
             x, status = start, "not converged"
         trace = {key: tuple(map(float, values)) for key, values in stats.get("iterations", {}).items()}
         latest = Solution(x, status, word, attempt.name, iterations, seconds, evaluation, float(result["f"]), trace)
-        # An acceptable solution is not given up for a later attempt that fails.
-        if best is None or RANKING.index(status) <= RANKING.index(best.status):
-            best = latest
-        best = replace(best, iterations=iterations, seconds=seconds, evaluation_seconds=evaluation)
-        if status == "converged":
-            return best
-        start = x
+        if status != "not converged":
+            return latest
+        best, start = latest, x
     if best is None:
         raise SolverError("the problem names no solver strategy")
     return best
