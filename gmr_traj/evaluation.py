@@ -52,8 +52,24 @@ def evaluate(residual: Residual, x: np.ndarray) -> Values:
     z = x[residual.columns].T
     values = np.array(residual.value.map(count)(z, residual.parameters)).reshape(-1, count)
     off = exceedance(values, residual.lower, residual.upper)
-    row, column = np.nonzero((np.isfinite(residual.lower) | np.isfinite(residual.upper)) & (residual.weights > 0))
+    row, column = _bounded(residual)
     return Values(residual, row, residual.frames[column], off[row, column])
+
+
+def bounded_rows(residual: Residual) -> set[Row]:
+    """Names of all rows with a bound."""
+    if isinstance(residual, LinearResidual):
+        rows, frames = residual.subjects, residual.frames
+    else:
+        rows, column = _bounded(residual)
+        frames = residual.frames[column]
+    return {(residual.name, row, frame) for row, frame in zip(rows.tolist(), frames.tolist(), strict=True)}
+
+
+def _bounded(residual: FrameResidual) -> tuple[np.ndarray, np.ndarray]:
+    """Row and column of every entry that has a bound."""
+    rows, columns = np.nonzero((np.isfinite(residual.lower) | np.isfinite(residual.upper)) & (residual.weights > 0))
+    return rows, columns
 
 
 def report(item: Used, x: np.ndarray) -> TermReport:

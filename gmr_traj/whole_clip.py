@@ -12,12 +12,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from gmr_traj.evaluation import Row, evaluate, report
+from gmr_traj.evaluation import Row, bounded_rows, evaluate, report
 from gmr_traj.kinematics.casadi_kinematics import CasadiKinematics
 from gmr_traj.motion import RobotMotion
 from gmr_traj.outcome import SolveReport, TermReport
 from gmr_traj.problem import Problem
-from gmr_traj.residuals import FrameResidual, Used
+from gmr_traj.residuals import Used
 from gmr_traj.solver import RANKING, Attempt, Solution, solve
 from gmr_traj.task import HELD, Task
 from gmr_traj.terms.context import Context, stepped
@@ -107,20 +107,7 @@ def _violated(
 
 def _built(used: list[Used]) -> set[Row]:
     """The rows of all constraints."""
-    built: set[Row] = set()
-    for item in used:
-        if item.use != "cost":
-            values = evaluate(item.residual, np.zeros(_size(item)))
-            built |= values.keys(np.ones(values.off.size, bool))
-    return built
-
-
-def _size(item: Used) -> int:
-    """How many unknowns a residual needs to be evaluated."""
-    residual = item.residual
-    if isinstance(residual, FrameResidual):
-        return int(residual.columns.max(initial=0)) + 1
-    return int(residual.matrix.shape[1])
+    return {row for item in used if item.use != "cost" for row in bounded_rows(item.residual)}
 
 
 def _spans(frames: list[int], motion: RobotMotion) -> list[tuple[int, int]]:

@@ -22,6 +22,7 @@ from gmr_traj.exceptions import ScheduleError
 from gmr_traj.formats import Clip, read_clip, write_clip
 from gmr_traj.interrupts import passed_on
 from gmr_traj.metrics import Certificate, certify
+from gmr_traj.motion import RobotMotion
 from gmr_traj.problem import load_problem
 from gmr_traj.refine import Refinement, refine
 from gmr_traj.robot import Robot
@@ -56,11 +57,14 @@ def run(arguments: Refine) -> int:
     converged = refinement.report.status != "not converged"
     target = planned.clip if converged else planned.unconverged
     with outputs.staged(target) as staged:
-        write_clip(_refined(clip, refinement), staged, format=arguments.format)
-        certificate = _certify(staged, arguments.format, clip, refinement, robot)
+        write_clip(_refined(clip, refinement), staged, format=arguments.format, robot=robot)
+        # Measured on the file as it was written, read back, not on what was meant to be written.
+        written = read_clip(staged, robot, format=arguments.format or clip.format, fps=clip.motion.fps).motion
+        schedule = refinement.schedule
+        certificate = certify(clip.motion, written, robot, schedule, levelling=schedule.height)
         code = _exit_code(converged, certificate)
         report = _report(arguments, target, clip, refinement, certificate, code)
-        report["audit"] = _audit(staged, arguments.format, clip, robot)
+        report["audit"] = _audit(written, robot)
         text = json.dumps(report, indent=2) + "\n"
         outputs.publish(staged, target, planned.report(target), text)
     if planned.contacts is not None:
@@ -97,19 +101,11 @@ def _refined(clip: Clip, refinement: Refinement) -> Clip:
     return replace(clip, motion=refinement.motion, schedule=schedule, references=references)
 
 
-def _certify(staged: Path, file_format: str | None, clip: Clip, refinement: Refinement, robot: Robot) -> Certificate:
-    """The certificate of the file as it was written: read back, not as it was meant."""
-    written = read_clip(staged, robot, format=file_format or clip.format, fps=clip.motion.fps)
-    schedule = refinement.schedule
-    return certify(clip.motion, written.motion, robot, schedule, levelling=schedule.height)
-
-
-def _audit(staged: Path, file_format: str | None, clip: Clip, robot: Robot) -> list[dict[str, Any]]:
-    """Overlaps of the model's own collision geometry in the written file, by python-fcl, the deepest first."""
-    written = read_clip(staged, robot, format=file_format or clip.format, fps=clip.motion.fps)
+def _audit(written: RobotMotion, robot: Robot) -> list[dict[str, Any]]:
+    """Overlaps of the model's own collision geometry, by python-fcl, the deepest first."""
     return [
         {"shapes": list(found.shapes), "depth_mm": round(1e3 * found.depth, 3), "frame": found.frame}
-        for found in audit(robot, written.motion.qpos)
+        for found in audit(robot, written.qpos)
     ]
 
 
