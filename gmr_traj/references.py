@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -15,9 +15,10 @@ class BodyTargets:
 
     Attributes:
         names: names of the bodies.  # B
-        positions: desired positions of the bodies' origins [m], read-only.  # (T, B, 3)
+        positions: desired positions of the bodies' points [m], read-only.  # (T, B, 3)
         quaternions: desired orientations, unit, wxyz, read-only.  # (T, B, 4)
         position_weights, orientation_weights: relative importance, 1 is typical, 0 leaves it free.  # (B,)
+        points: which point of each body is meant, in the body's frame [m]; its origin where not given.  # (B, 3)
 
     Raises:
         ClipError: on repeated names, a wrong shape, a value that is not finite, a quaternion that is not of unit
@@ -29,6 +30,7 @@ class BodyTargets:
     quaternions: np.ndarray
     position_weights: np.ndarray
     orientation_weights: np.ndarray
+    points: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
 
     def __post_init__(self) -> None:
         names = tuple(self.names)
@@ -36,23 +38,26 @@ class BodyTargets:
         if len(set(names)) != bodies:
             raise ClipError(f"references: body {next(n for n in names if names.count(n) > 1)!r} is named twice")
         frames = len(self.positions) if np.ndim(self.positions) else 0
+        if not np.size(self.points):
+            object.__setattr__(self, "points", np.zeros((bodies, 3)))
         shapes = {
             "positions": (frames, bodies, 3),
             "quaternions": (frames, bodies, 4),
             "position_weights": (bodies,),
             "orientation_weights": (bodies,),
+            "points": (bodies, 3),
         }
-        for field, shape in shapes.items():
-            value = np.array(getattr(self, field), dtype=np.float64)
+        for name, shape in shapes.items():
+            value = np.array(getattr(self, name), dtype=np.float64)
             if value.shape != shape:
-                raise ClipError(f"references: {field} has shape {value.shape}; expected {shape}")
+                raise ClipError(f"references: {name} has shape {value.shape}; expected {shape}")
             if not np.isfinite(value).all():
-                raise ClipError(f"references: {field} has values that are not finite")
-            if field.endswith("weights") and (value < 0).any():
+                raise ClipError(f"references: {name} has values that are not finite")
+            if name.endswith("weights") and (value < 0).any():
                 raise ClipError(
-                    f"references: {field} of {names[int(value.argmin())]!r} is negative; 0 leaves a body free"
+                    f"references: {name} of {names[int(value.argmin())]!r} is negative; 0 leaves a body free"
                 )
-            if field == "quaternions":
+            if name == "quaternions":
                 norm = np.linalg.norm(value, axis=-1)
                 off = np.argwhere(np.abs(norm - 1.0) > 1e-3)
                 if off.size:
@@ -62,7 +67,7 @@ class BodyTargets:
                     )
                 value /= norm[..., None]
             value.setflags(write=False)
-            object.__setattr__(self, field, value)
+            object.__setattr__(self, name, value)
         object.__setattr__(self, "names", names)
 
     @property

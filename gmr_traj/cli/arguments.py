@@ -14,10 +14,10 @@ from gmr_traj.exceptions import GmrTrajError
 Format = Literal[
     "gmr", "gmr-traj", "unitree-csv", "protomotions-csv", "bones-csv", "mjlab", "beyondmimic", "holosoma", "phc"
 ]
-_FORMAT = tyro.conf.arg(metavar="FORMAT", help_behavior_hint=f"({', '.join(get_args(Format))})")
+FORMAT = tyro.conf.arg(metavar="FORMAT", help_behavior_hint=f"({', '.join(get_args(Format))})")
 
 
-def _named(metavar: str, otherwise: str = "") -> Any:
+def named(metavar: str, otherwise: str = "") -> Any:
     """An option whose value is called ``metavar`` in the help, with what happens where it is not given."""
     return tyro.conf.arg(metavar=metavar, help_behavior_hint=f"(default: {otherwise})" if otherwise else None)
 
@@ -26,16 +26,16 @@ def _named(metavar: str, otherwise: str = "") -> Any:
 class Common(ABC):
     """Options that every subcommand has."""
 
-    robot: Annotated[str, _named("NAME|PATH")] = "unitree_g1"
+    robot: Annotated[str, named("NAME|PATH")] = "unitree_g1"
     """Robot: one that ships with gmr-traj, or the path of a robot.toml."""
 
-    input_format: Annotated[Format | None, _FORMAT] = None
+    input_format: Annotated[Format | None, FORMAT] = None
     """Format of the input; detected from its content where it is not given."""
 
-    fps: Annotated[float | None, _named("HZ", "what the file says, else what its format implies")] = None
+    fps: Annotated[float | None, named("HZ", "what the file says, else what its format implies")] = None
     """Frames per second of the input."""
 
-    quaternion: Annotated[Literal["xyzw", "wxyz"] | None, _named("xyzw|wxyz", "decided from the content")] = None
+    quaternion: Annotated[Literal["xyzw", "wxyz"] | None, named("xyzw|wxyz", "decided from the content")] = None
     """Order of the input's base quaternion."""
 
     traceback: bool = False
@@ -57,25 +57,25 @@ class Refine(Common):
     clip: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="CLIP")]
     """Clip to refine."""
 
-    output: Annotated[Path | None, _named("PATH", "<stem>_refined<suffix> beside the input")] = None
+    output: Annotated[Path | None, named("PATH", "<stem>_refined<suffix> beside the input")] = None
     """File to write."""
 
-    format: Annotated[Format | None, _FORMAT] = None
+    format: Annotated[Format | None, FORMAT] = None
     """Format of the output; the input's where it is not given."""
 
-    problem: Annotated[str, _named("NAME|PATH")] = "refine"
+    problem: Annotated[str, named("NAME|PATH")] = "refine"
     """Problem: one that ships with gmr-traj, or the path of a problem file."""
 
-    contacts: Annotated[Path | None, _named("JSON", "the clip's own, else detected")] = None
+    contacts: Annotated[Path | None, named("JSON", "the clip's own, else detected")] = None
     """Contact schedule to use."""
 
-    save_contacts: Annotated[Path | None, _named("JSON", "not written")] = None
+    save_contacts: Annotated[Path | None, named("JSON", "not written")] = None
     """Write the contact schedule that was used, to edit it and pass it back with --contacts."""
 
-    window: Annotated[float | None, _named("SECONDS", "the whole clip at once")] = None
+    window: Annotated[float | None, named("SECONDS", "the whole clip at once")] = None
     """Solve in windows of this length."""
 
-    overlap: Annotated[float | None, _named("SECONDS", "a quarter of the window")] = None
+    overlap: Annotated[float | None, named("SECONDS", "a quarter of the window")] = None
     """How far neighbouring windows overlap."""
 
     json: bool = False
@@ -135,13 +135,13 @@ class Bench(Common):
     seconds: tuple[float, ...] = (5.0, 10.0, 20.0, 40.0)
     """Lengths to measure [s]."""
 
-    problem: Annotated[str, _named("NAME|PATH")] = "refine"
+    problem: Annotated[str, named("NAME|PATH")] = "refine"
     """Problem: one that ships with gmr-traj, or the path of a problem file."""
 
-    window: Annotated[float | None, _named("SECONDS", "the whole clip at once")] = None
+    window: Annotated[float | None, named("SECONDS", "the whole clip at once")] = None
     """Solve in windows of this length."""
 
-    overlap: Annotated[float | None, _named("SECONDS", "a quarter of the window")] = None
+    overlap: Annotated[float | None, named("SECONDS", "a quarter of the window")] = None
     """How far neighbouring windows overlap."""
 
     json: bool = False

@@ -25,7 +25,8 @@ _REFERENCES = {
     "reference_position_weights": "position_weights",
     "reference_orientation_weights": "orientation_weights",
 }
-_KEYS = ("qpos", "fps", "joint_names", "robot", "contacts", *_REFERENCES)
+_POINTS = "reference_points"  # may be missing: the bodies' origins, then
+_KEYS = ("qpos", "fps", "joint_names", "robot", "contacts", *_REFERENCES, _POINTS)
 
 
 def read(content: Mapping[str, np.ndarray]) -> RawMotion:
@@ -75,6 +76,7 @@ def write(clip: Clip, stream: BinaryIO) -> tuple[str, ...]:
         content["contacts"] = np.array(to_json(clip.schedule))
     if clip.references is not None:
         content |= {key: np.array(getattr(clip.references, field)) for key, field in _REFERENCES.items()}
+        content[_POINTS] = np.array(clip.references.points)
     npz_file.save(stream, content | (clip.extras["others"] if own else {}))
     return ()
 
@@ -89,10 +91,10 @@ def _text(content: Mapping[str, np.ndarray], key: str) -> str | None:
 
 
 def _references(content: Mapping[str, np.ndarray]) -> BodyTargets | None:
-    present = [key for key in _REFERENCES if key in content]
+    present = [key for key in (*_REFERENCES, _POINTS) if key in content]
     if not present:
         return None
-    if len(present) < len(_REFERENCES):
+    if not set(_REFERENCES) <= set(present):
         raise ClipError(f"references are incomplete: {next(k for k in _REFERENCES if k not in present)} is missing")
     listed = names(content["reference_names"], "reference_names")
     return BodyTargets(
@@ -101,4 +103,5 @@ def _references(content: Mapping[str, np.ndarray]) -> BodyTargets | None:
         quaternions=table(content["reference_quaternions"], "reference_quaternions", len(listed), 4),
         position_weights=table(content["reference_position_weights"], "reference_position_weights"),
         orientation_weights=table(content["reference_orientation_weights"], "reference_orientation_weights"),
+        points=table(content[_POINTS], _POINTS, 3) if _POINTS in content else np.zeros((len(listed), 3)),
     )
