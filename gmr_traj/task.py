@@ -8,6 +8,7 @@ import numpy as np
 
 from gmr_traj.contacts.schedule import ContactSchedule
 from gmr_traj.motion import RobotMotion
+from gmr_traj.visited import Visited
 
 # Frames that are held at a seam: three carry position, velocity and acceleration across it.
 HELD = 3
@@ -23,7 +24,7 @@ class Task:
         trust: of each frame of the target.  # (T,)
         schedule: stances.
         held: frames that keep the centre's configuration.
-        visited: motions near which constraint rows are built, the centre's apart.
+        visited: motions of earlier passes near which constraint rows are built, the centre's apart.
     """
 
     centre: RobotMotion
@@ -31,7 +32,7 @@ class Task:
     trust: np.ndarray
     schedule: ContactSchedule
     held: np.ndarray
-    visited: tuple[RobotMotion, ...] = ()
+    visited: tuple[Visited, ...] = ()
 
     def part(self, centre: RobotMotion, start: int, stop: int, held: np.ndarray) -> Task:
         """Frames ``start`` to ``stop`` about another motion of the whole clip; ``held`` counts from ``start``."""
@@ -50,5 +51,5 @@ class Task:
             trust=self.trust[start:stop],
             schedule=replace(self.schedule, frames=stop - start, stances=stances),
             held=held,
-            visited=tuple(cut(motion) for motion in self.visited),
+            visited=tuple(visited.part(start, stop) for visited in self.visited),
         )

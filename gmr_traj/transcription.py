@@ -27,7 +27,7 @@ class Nlp:
 
     Attributes:
         problem: ``x``, ``p`` (empty), ``f`` and ``g`` as CasADi expressions.
-        gradient: (x, p) -> (f, grad f).
+        gradient: (x, p) -> (NaN, grad f); CasADi wants two outputs, the first is never used.
         jacobian: (x, p) -> (g, dg/dx).
         hessian: (x, p, lam_f, lam_g) -> upper triangle of lam_f times the Gauss-Newton Hessian.
         initial, lower, upper: starting values and bounds of x.  # (nx,)
@@ -72,7 +72,8 @@ def transcribe(variables: Variables, used: Sequence[Used]) -> Nlp:
         )
     return Nlp(
         problem={"x": x, "p": p, "f": value, "g": g},
-        gradient=ca.Function("grad_f", [x, p], [value, gradient], ["x", "p"], ["f", "grad_f_x"]),
+        # Ipopt asks for the value by itself; NaN would stop it at once if that ever changed.
+        gradient=ca.Function("grad_f", [x, p], [ca.MX(np.nan), gradient], ["x", "p"], ["f", "grad_f_x"]),
         jacobian=ca.Function("jac_g", [x, p], [g, jacobian], ["x", "p"], ["g", "jac_g_x"]),
         hessian=ca.Function(
             "hess_lag",

@@ -23,6 +23,7 @@ from gmr_traj.task import HELD, Task
 from gmr_traj.terms.context import Context, stepped
 from gmr_traj.transcription import transcribe
 from gmr_traj.variables import Variables
+from gmr_traj.visited import Visited
 
 Progress = Callable[[str, int, int], None]
 
@@ -43,57 +44,56 @@ def solve_clip(
     """
     if progress is not None:
         progress("solving", 0, problem.passes)
-    motion, solution, used = _solve(task, kinematics, problem, problem.first)
+    robot = kinematics.robot
+    start = Visited(robot, task.centre)
+    motion, solution, used = _solve(task, start, kinematics, problem, problem.first)
     solutions, passes, built = [solution], 1, _built(used)
-    visited = (*task.visited, task.centre)
-    missing = _violated(task, motion, kinematics, problem, built)
+    task, latest = replace(task, visited=(*task.visited, start)), Visited(robot, motion)
+    missing = _violated(task, latest, kinematics, problem, built)
     while missing and passes < problem.passes and solutions[-1].status != "not converged":
         if progress is not None:
             progress("repairing", passes, problem.passes)
         passes += 1
-        visited = (*visited, motion)
-        whole = replace(task, visited=visited)
         qpos = motion.qpos.copy()
-        for start, stop in _spans(sorted({frame for _, _, frame in missing}), motion):
-            held = np.arange(stop - start)
-            held = held[((held < HELD) & (start > 0)) | ((held >= stop - start - HELD) & (stop < motion.frames))]
-            fixed = task.held[(task.held >= start) & (task.held < stop)] - start
-            part = whole.part(motion, start, stop, np.union1d(held, fixed))
-            repaired, solution, _ = _solve(part, kinematics, problem, problem.again)
+        for first, stop in _spans(sorted({frame for _, _, frame in missing}), motion):
+            held = np.arange(stop - first)
+            held = held[((held < HELD) & (first > 0)) | ((held >= stop - first - HELD) & (stop < motion.frames))]
+            fixed = task.held[(task.held >= first) & (task.held < stop)] - first
+            part = task.part(motion, first, stop, np.union1d(held, fixed))
+            repaired, solution, _ = _solve(part, latest.part(first, stop), kinematics, problem, problem.again)
             solutions.append(solution)
-            qpos[start:stop] = repaired.qpos
+            qpos[first:stop] = repaired.qpos
         motion = motion.with_qpos(qpos)
         built |= missing
-        missing = _violated(task, motion, kinematics, problem, built)
-    final, variables = _residuals(replace(task, visited=visited), motion, kinematics, problem)
+        task, latest = replace(task, visited=(*task.visited, latest)), Visited(robot, motion)
+        missing = _violated(task, latest, kinematics, problem, built)
+    final, variables = _residuals(task, latest, kinematics, problem)
     reports = tuple(report(item, variables.initial()) for item in final)
     return motion, _summary(solutions, passes, reports, missing)
 
 
 def _solve(
-    task: Task, kinematics: CasadiKinematics, problem: Problem, attempts: tuple[Attempt, ...]
+    task: Task, centre: Visited, kinematics: CasadiKinematics, problem: Problem, attempts: tuple[Attempt, ...]
 ) -> tuple[RobotMotion, Solution, list[Used]]:
     """One program about the task's centre."""
-    used, variables = _residuals(task, task.centre, kinematics, problem)
+    used, variables = _residuals(task, centre, kinematics, problem)
     variables.hold(task.held)
     solution = solve(transcribe(variables, used), attempts)
     return stepped(task.centre, solution.x[variables.steps]), solution, used
 
 
 def _residuals(
-    task: Task, centre: RobotMotion, kinematics: CasadiKinematics, problem: Problem
+    task: Task, centre: Visited, kinematics: CasadiKinematics, problem: Problem
 ) -> tuple[list[Used], Variables]:
     """All residuals of the problem about a motion, and the unknowns they name."""
     visited = (*task.visited, centre)
-    context = Context(kinematics.robot, kinematics, centre, task.target, task.trust, task.schedule, visited)
-    variables = Variables(centre.frames, kinematics.tangent_size)
+    context = Context(kinematics.robot, kinematics, centre.motion, task.target, task.trust, task.schedule, visited)
+    variables = Variables(centre.motion.frames, kinematics.tangent_size)
     used = [Used(residual, item.use) for item in problem.terms for residual in item.term.residuals(context, variables)]
     return used, variables
 
 
-def _violated(
-    task: Task, motion: RobotMotion, kinematics: CasadiKinematics, problem: Problem, built: set[Row]
-) -> set[Row]:
+def _violated(task: Task, motion: Visited, kinematics: CasadiKinematics, problem: Problem, built: set[Row]) -> set[Row]:
     """Constraint rows that a motion violates; soft ones only where the problem did not have them."""
     constraints = replace(problem, terms=tuple(item for item in problem.terms if item.use != "cost"))
     used, variables = _residuals(replace(task, visited=()), motion, kinematics, constraints)

@@ -21,6 +21,7 @@ from gmr_traj.solver import Attempt
 from gmr_traj.terms.context import Context
 from gmr_traj.terms.term import Term
 from gmr_traj.variables import Variables
+from gmr_traj.visited import Visited
 
 #: A clip with faults of every kind, 64 frames of the G1.
 EXAMPLE = CHECKOUT / "examples" / "punch.npz"
@@ -60,7 +61,7 @@ def context_of(
         target=target or centre,
         trust=np.ones(centre.frames) if trust is None else trust,
         schedule=schedule or ContactSchedule(centre.frames, centre.fps, ()),
-        visited=visited or (centre,),
+        visited=tuple(Visited(robot, motion) for motion in visited or (centre,)),
     )
 
 

@@ -111,23 +111,3 @@ def test_complete_on_retargeted_clips(g1: Robot, data_dir: Path, name: str) -> N
     found = candidates(g1, *at, 0.02)
     assert min(candidate.clearance.min() for candidate in found) < -0.02
     assert_complete(found, brute_force(g1, *at), 0.02)
-
-
-def test_kept_candidates_are_reported_whatever_their_clearance(g1: Robot) -> None:
-    at = placements(g1, smooth_walk(g1, 60, seed=5))
-    close = candidates(g1, *at, 0.0)
-    wide = candidates(g1, *at, 0.05)
-    clearances = brute_force(g1, *at)
-    found = {c.pair: c for c in candidates(g1, *at, 0.0, keep=wide)}
-    assert [*found] == [c.pair for c in wide]
-    for candidate in wide:
-        np.testing.assert_array_equal(found[candidate.pair].frames, candidate.frames)
-        np.testing.assert_allclose(
-            found[candidate.pair].clearance, clearances[candidate.pair][candidate.frames], atol=1e-12
-        )
-    assert len(wide) > len(close)
-    far = [Candidate(pair, np.array([7, 3]), np.zeros(2)) for pair in g1.collision_pairs if clearances[pair][3] > 0.5]
-    kept = {c.pair: c for c in candidates(g1, *at, 0.0, keep=[*far, *far])}
-    assert set(kept) == {c.pair for c in [*far, *close]}
-    assert {3, 7} <= set(kept[far[0].pair].frames.tolist())
-    assert (np.diff(kept[far[0].pair].frames) > 0).all()

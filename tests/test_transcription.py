@@ -238,13 +238,14 @@ def test_the_program_has_every_kind_of_term(g1: Robot) -> None:
 def test_gradient_and_jacobian_by_finite_differences(program: tuple[Nlp, np.ndarray]) -> None:
     """Along random directions: a single wrong entry of either would show."""
     nlp, at = program
-    value, gradient = nlp.gradient(at, [])
+    objective = ca.Function("f", [nlp.problem["x"]], [nlp.problem["f"]])
+    _, gradient = nlp.gradient(at, [])
     g, jacobian = nlp.jacobian(at, [])
     scale, step = max(1.0, float(ca.norm_inf(gradient))), 1e-6
-    assert np.isfinite(np.array(value)).all() and g.numel() == len(nlp.row_lower) > 0
+    assert g.numel() == len(nlp.row_lower) > 0
     for direction in np.random.default_rng(6).normal(size=(6, len(at))):
         ahead, behind = at + step * direction, at - step * direction
-        numeric = float(nlp.gradient(ahead, [])[0] - nlp.gradient(behind, [])[0]) / (2 * step)
+        numeric = float(objective(ahead) - objective(behind)) / (2 * step)
         assert float(ca.dot(gradient, direction)) == pytest.approx(numeric, abs=1e-6 * scale * len(at))
         rows = np.array(nlp.jacobian(ahead, [])[0] - nlp.jacobian(behind, [])[0]).ravel() / (2 * step)
         np.testing.assert_allclose(np.array(jacobian @ direction).ravel(), rows, atol=1e-4 * (1 + np.abs(rows).max()))

@@ -63,9 +63,11 @@ def run(arguments: Bench) -> int:
 def measure(arguments: Bench, seconds: float) -> Measurement:
     """Refine the first ``seconds`` of the clip and measure it; to be called in a fresh process."""
     from gmr_traj.cli.loading import load
+    from gmr_traj.memory import keep_freed
     from gmr_traj.problem import load_problem
     from gmr_traj.refine import refine
 
+    keep_freed()  # as the command does; this process did not come through it
     clip, robot = load(arguments.clip, arguments)
     motion = cut(clip.motion, seconds)
     problem = load_problem(arguments.problem)

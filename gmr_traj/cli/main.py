@@ -17,6 +17,7 @@ from gmr_traj._version import __version__
 from gmr_traj.cli import arguments
 from gmr_traj.cli.exit_codes import ExitCode, table
 from gmr_traj.exceptions import GmrTrajError
+from gmr_traj.memory import keep_freed
 
 DESCRIPTION = f"""Whole-clip trajectory optimisation for humanoid motion retargeting (version {__version__}).
 
@@ -55,6 +56,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     # One thread each: idle BLAS threads spin beside Ipopt, and a sum's order must not depend on the machine's load.
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(variable, "1")
+    keep_freed()
     try:
         return int(command.run())
     except KeyboardInterrupt:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import fcl
@@ -41,7 +41,6 @@ def candidates(
     rotations: Array,
     margin: float,
     *,
-    keep: Iterable[Candidate] = (),
     chunk: int = CHUNK,
 ) -> list[Candidate]:
     """All pairs and frames with a clearance below ``margin``; none is missed.
@@ -54,17 +53,11 @@ def candidates(
         positions: origins of ``robot.body_names`` in the world [m].  # (T, B, 3)
         rotations: their orientations in the world.  # (T, B, 3, 3)
         margin: clearance below which a pair counts [m].
-        keep: candidates of an earlier motion of the same clip, reported with their present clearance whatever it is.
-            A problem that is solved again about its own solution needs them: what a constraint holds apart would
-            overlap again without it.
         chunk: frames a box.
 
     Returns:
         candidates in the order of ``robot.collision_pairs``; pairs that never come close are left out.
     """
-    kept: defaultdict[tuple[int, int], list[np.ndarray]] = defaultdict(list)
-    for candidate in keep:
-        kept[candidate.pair].append(candidate.frames)
     if not len(positions) or not robot.collision_pairs:
         return []
     starts, ends = world_segments(robot, positions, rotations)  # (T, C, 3)
@@ -73,15 +66,13 @@ def candidates(
     close = _chunks_of_pairs(robot, starts, ends, inflation, chunk)
     out = []
     for i, j in robot.collision_pairs:
-        if (i, j) not in close and (i, j) not in kept:
+        if (i, j) not in close:
             continue
-        frames = (np.array(close.get((i, j), []), dtype=np.intp)[:, None] + np.arange(chunk)).ravel()
+        frames = (np.array(close[i, j], dtype=np.intp)[:, None] + np.arange(chunk)).ravel()
         frames = frames[frames < len(positions)]
-        held = np.unique(np.concatenate([np.empty(0, dtype=np.intp), *kept.get((i, j), [])]))
-        frames = np.union1d(frames, held)
         gap, _, _ = distance(starts[frames, i], ends[frames, i], starts[frames, j], ends[frames, j])
         gap -= radius[i] + radius[j]
-        chosen = (gap < margin) | np.isin(frames, held)
+        chosen = gap < margin
         if chosen.any():
             out.append(Candidate((i, j), frames[chosen], gap[chosen]))
     return out

@@ -13,6 +13,7 @@ from gmr_traj.kinematics.casadi_kinematics import CasadiKinematics
 from gmr_traj.kinematics.mujoco_kinematics import placements
 from gmr_traj.motion import RobotMotion
 from gmr_traj.robot import Robot
+from gmr_traj.visited import Visited
 
 
 @dataclass(frozen=True)
@@ -26,8 +27,8 @@ class Context:
         target: the motion to stay close to: the input, raised to stand on the floor.
         trust: how far each frame of the target is to be believed, in (0, 1].  # (T,)
         schedule: stances.
-        visited: motions near which constraint rows must be built: the centre's, and those of earlier passes, so that
-            a row that once mattered stays.
+        visited: motions near which constraint rows must be built: those of earlier passes, so that a row that once
+            mattered stays, and last the centre.
     """
 
     robot: Robot
@@ -36,7 +37,7 @@ class Context:
     target: RobotMotion
     trust: np.ndarray
     schedule: ContactSchedule
-    visited: tuple[RobotMotion, ...]
+    visited: tuple[Visited, ...]
 
     @property
     def frames(self) -> int:
@@ -48,15 +49,10 @@ class Context:
         """Time between frames [s]."""
         return 1.0 / self.centre.fps
 
-    @cached_property
+    @property
     def placements(self) -> tuple[np.ndarray, np.ndarray]:
         """World placements of the bodies in the centre motion, ``(T, B, 3)`` and ``(T, B, 3, 3)``."""
-        return placements(self.robot, self.centre.qpos)
-
-    @cached_property
-    def visited_placements(self) -> tuple[tuple[np.ndarray, np.ndarray], ...]:
-        """World placements of the bodies in each visited motion, ``(T, B, 3)`` and ``(T, B, 3, 3)``."""
-        return tuple(placements(self.robot, motion.qpos) for motion in self.visited)
+        return self.visited[-1].placements
 
     @cached_property
     def target_placements(self) -> tuple[np.ndarray, np.ndarray]:

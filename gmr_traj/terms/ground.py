@@ -58,7 +58,8 @@ class Ground(Term):
     ) -> FrameResidual | None:
         slot = context.robot.body_names.index(body)
         built = np.zeros((context.frames, len(points)), bool)
-        for positions, rotations in context.visited_placements:
+        for visited in context.visited:
+            positions, rotations = visited.placements
             height = positions[:, slot, None, 2] + rotations[:, slot, 2] @ points.T - radius  # (T, m)
             built |= height < self.near
         frames = np.flatnonzero(built.any(axis=1))

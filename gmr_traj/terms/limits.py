@@ -85,8 +85,8 @@ class _RateLimit(Term):
         values = d @ context.centre.qpos[:, 7:]
         size = 2 * max(1, round(_REACH / context.dt)) + 1
         near = np.zeros(values.shape, bool)
-        for motion in context.visited:
-            near |= maximum_filter1d(np.abs(d @ motion.qpos[:, 7:]) > self.near * limit, size, axis=0)
+        for visited in context.visited:
+            near |= maximum_filter1d(np.abs(d @ visited.motion.qpos[:, 7:]) > self.near * limit, size, axis=0)
         frames, joints = np.nonzero(near)
         m, width = len(frames), self.order + 1
         if not m:

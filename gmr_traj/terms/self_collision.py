@@ -14,7 +14,6 @@ import casadi as ca
 import mujoco
 import numpy as np
 
-from gmr_traj.collision.broadphase import Candidate, candidates
 from gmr_traj.collision.segments_casadi import clearance_jacobian
 from gmr_traj.kinematics.casadi_kinematics import CasadiKinematics, constant_rotation, hinge_rotation
 from gmr_traj.residuals import FrameResidual, Residual
@@ -36,17 +35,19 @@ class SelfCollision(Term):
 
     def residuals(self, context: Context, variables: Variables) -> list[Residual]:
         """One residual a pair of capsules, over the frames in which they come close."""
-        close: list[Candidate] = []
-        for positions, rotations in context.visited_placements:
-            close = candidates(context.robot, positions, rotations, self.near, keep=close)
-        return [self._pair(context, variables, candidate) for candidate in close]
+        close: dict[tuple[int, int], np.ndarray] = {}
+        for visited in context.visited:
+            for found in visited.close(self.near):
+                known = close.get(found.pair)
+                close[found.pair] = found.frames if known is None else np.union1d(known, found.frames)
+        return [self._pair(context, variables, pair, close[pair]) for pair in sorted(close)]
 
-    def _pair(self, context: Context, variables: Variables, candidate: Candidate) -> FrameResidual:
-        robot, frames = context.robot, candidate.frames
-        chain = _chain(context.kinematics, *candidate.pair)
+    def _pair(self, context: Context, variables: Variables, pair: tuple[int, int], frames: np.ndarray) -> FrameResidual:
+        robot = context.robot
+        chain = _chain(context.kinematics, *pair)
         angles = context.centre.qpos[frames][:, 7 + chain.joints]
         shape = (1, len(frames))
-        names = [robot.capsules[k].name for k in candidate.pair]
+        names = [robot.capsules[k].name for k in pair]
         return FrameResidual(
             name=f"self_collision/{names[0]}:{names[1]}",
             unit="m",
