@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -87,7 +87,8 @@ def _term(table: Table) -> UsedTerm:
     table.where += f" ({name})"
     if use not in kind.uses:
         raise table.error(f"has use {use!r}; it can be {', '.join(kind.uses)}")
-    values = {field.name: _number(table, field.name) for field in fields(kind)}
+    given = [field.name for field in fields(kind) if field.default is MISSING or field.name in table.values]
+    values = {name: _number(table, name) for name in given}
     table.done()
     term = kind(**values)
     if complaint := term.complaint():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -74,3 +74,11 @@ class BodyTargets:
     def frames(self) -> int:
         """Number of frames T."""
         return len(self.positions)
+
+    def part(self, start: int, stop: int) -> BodyTargets:
+        """Frames ``start`` to ``stop``."""
+        return replace(self, positions=self.positions[start:stop], quaternions=self.quaternions[start:stop])
+
+    def raised(self, height: float) -> BodyTargets:
+        """All positions higher by ``height`` [m]."""
+        return replace(self, positions=self.positions + np.array([0.0, 0.0, height]))

@@ -9,11 +9,13 @@ import numpy as np
 from gmr_traj.collision.untangle import untangle
 from gmr_traj.contacts.detect import detect
 from gmr_traj.contacts.schedule import ContactSchedule
+from gmr_traj.contacts.source_level import source_height
 from gmr_traj.exceptions import ClipError, ProblemError, RobotError, ScheduleError
 from gmr_traj.kinematics.casadi_kinematics import CasadiKinematics
 from gmr_traj.motion import RobotMotion
 from gmr_traj.outcome import SolveReport
 from gmr_traj.problem import Problem
+from gmr_traj.references import BodyTargets
 from gmr_traj.robot import Robot
 from gmr_traj.task import Task
 from gmr_traj.trust import trust
@@ -44,6 +46,7 @@ def refine(
     problem: Problem,
     *,
     schedule: ContactSchedule | None = None,
+    references: BodyTargets | None = None,
     window: float | None = None,
     overlap: float | None = None,
     kinematics: CasadiKinematics | None = None,
@@ -56,13 +59,15 @@ def refine(
         robot: whose joints it moves, in the same order.
         problem: terms and solver.
         schedule: stances, in frames of ``motion``; detected where none is given.
+        references: where the source has the bodies, in the world of ``motion``; tracked where they are given.
         window: length of the windows to solve one after another [s]; None for the whole clip at once.
         overlap: look-ahead of a window beyond the frames that are kept of it [s].
         kinematics: of the robot; whoever refines many clips keeps one, because what was compiled for it is used again.
         progress: called with what is being done, steps done and steps in all.
 
     Raises:
-        ClipError: the clip's joints are not the robot's, or it is too short to have an acceleration.
+        ClipError: the clip's joints are not the robot's, it is too short to have an acceleration, or the references
+            have another length.
         RobotError: the kinematics are of another robot.
         ScheduleError: the schedule is for another clip.
         ProblemError: an overlap without a window, or windows that cannot be; a term that cannot be what it is used as.
@@ -74,6 +79,8 @@ def refine(
         raise ClipError(f"the clip moves {len(motion.joint_names)} joints, the robot {robot.name} has {robot.dof}")
     if motion.frames < 4:
         raise ClipError(f"the clip has {motion.frames} frames; at least 4 are needed to speak of smoothness")
+    if references is not None and references.frames != motion.frames:
+        raise ClipError(f"the references have {references.frames} frames, the clip {motion.frames}")
     if window is None and overlap is not None:
         raise ProblemError(
             f"an overlap of {overlap:g} s is of windows, and there are none: give a window's length, too"
@@ -88,7 +95,8 @@ def refine(
     kinematics = kinematics or CasadiKinematics(robot)
     # Where a limb is deep in the body the input is no reference: start from, and stay near, a way around.
     start, _ = untangle(robot, levelled)
-    task = Task(start, start, trust(motion), schedule, held=np.zeros(0, int))
+    targets = None if references is None else references.raised(source_height(references, robot, schedule))
+    task = Task(start, start, trust(motion), schedule, held=np.zeros(0, int), references=targets)
     if window is None:
         result, report = solve_clip(task, kinematics, problem, progress)
     else:

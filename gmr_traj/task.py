@@ -8,6 +8,7 @@ import numpy as np
 
 from gmr_traj.contacts.schedule import ContactSchedule
 from gmr_traj.motion import RobotMotion
+from gmr_traj.references import BodyTargets
 from gmr_traj.visited import Visited
 
 # Frames that are held at a seam: three carry position, velocity and acceleration across it.
@@ -23,6 +24,7 @@ class Task:
         target: motion to stay close to.
         trust: of each frame of the target.  # (T,)
         schedule: stances.
+        references: where the source has the bodies, in the world of the target; None where that is not known.
         held: frames that keep the centre's configuration.
         visited: motions of earlier passes near which constraint rows are built, the centre's apart.
     """
@@ -33,6 +35,7 @@ class Task:
     schedule: ContactSchedule
     held: np.ndarray
     visited: tuple[Visited, ...] = ()
+    references: BodyTargets | None = None
 
     def part(self, centre: RobotMotion, start: int, stop: int, held: np.ndarray) -> Task:
         """Frames ``start`` to ``stop`` about another motion of the whole clip; ``held`` counts from ``start``."""
@@ -52,4 +55,5 @@ class Task:
             schedule=replace(self.schedule, frames=stop - start, stances=stances),
             held=held,
             visited=tuple(visited.part(start, stop) for visited in self.visited),
+            references=None if self.references is None else self.references.part(start, stop),
         )

@@ -87,7 +87,16 @@ def _residuals(
 ) -> tuple[list[Used], Variables]:
     """All residuals of the problem about a motion, and the unknowns they name."""
     visited = (*task.visited, centre)
-    context = Context(kinematics.robot, kinematics, centre.motion, task.target, task.trust, task.schedule, visited)
+    context = Context(
+        robot=kinematics.robot,
+        kinematics=kinematics,
+        centre=centre.motion,
+        target=task.target,
+        trust=task.trust,
+        schedule=task.schedule,
+        visited=visited,
+        references=task.references,
+    )
     variables = Variables(centre.motion.frames, kinematics.tangent_size)
     used = [Used(residual, item.use) for item in problem.terms for residual in item.term.residuals(context, variables)]
     return used, variables

@@ -12,6 +12,7 @@ from gmr_traj.contacts.schedule import ContactSchedule
 from gmr_traj.kinematics.casadi_kinematics import CasadiKinematics
 from gmr_traj.kinematics.mujoco_kinematics import placements
 from gmr_traj.motion import RobotMotion
+from gmr_traj.references import BodyTargets
 from gmr_traj.robot import Robot
 from gmr_traj.visited import Visited
 
@@ -29,6 +30,7 @@ class Context:
         schedule: stances.
         visited: motions near which constraint rows must be built: those of earlier passes, so that a row that once
             mattered stays, and last the centre.
+        references: where the source has the bodies, in the world of the target; None where that is not known.
     """
 
     robot: Robot
@@ -38,6 +40,7 @@ class Context:
     trust: np.ndarray
     schedule: ContactSchedule
     visited: tuple[Visited, ...]
+    references: BodyTargets | None = None
 
     @property
     def frames(self) -> int:
