@@ -45,8 +45,9 @@ SOUND = {name: sound(name) for name in NAMES}
 
 
 @st.composite
-def damaged_bytes(draw: st.DrawFn, name: str) -> bytes:
-    data = bytearray(SOUND[name])
+def damaged(draw: st.DrawFn, sound: bytes) -> bytes:
+    """Bytes cut, flipped, removed, repeated, inserted or swapped in up to three places."""
+    data = bytearray(sound)
     for _ in range(draw(st.integers(1, 3))):
         at = draw(st.integers(0, max(len(data) - 1, 0)))
         length = draw(st.integers(1, 40))
@@ -64,6 +65,10 @@ def damaged_bytes(draw: st.DrawFn, name: str) -> bytes:
             case _:
                 data[at : at + length] = data[at : at + length][::-1]
     return bytes(data)
+
+
+def damaged_bytes(name: str) -> st.SearchStrategy[bytes]:
+    return damaged(SOUND[name])
 
 
 ODD_VALUES = st.sampled_from(
@@ -92,7 +97,7 @@ def doctored_value(draw: st.DrawFn, value: Any) -> Any:
         case "type":
             kind = draw(st.sampled_from(["f2", "f4", "i4", "u1", "c16", "?", "U5", "M8[s]"]))
             with np.errstate(all="ignore"):
-                array = array.astype(kind) if array.dtype.kind not in "Uc" else array
+                array = array.astype(kind) if array.dtype.kind not in "UcO" else array
         case "axis":
             array = array[..., None] if draw(st.booleans()) else array.T
         case "value":

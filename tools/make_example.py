@@ -20,13 +20,17 @@ from typing import NamedTuple
 import mink
 import mujoco
 import numpy as np
-from deepmimic import HumanMotion, read_bones, read_clip
 from scipy.spatial.transform import Rotation
 
+from gmr_traj.formats.human import deepmimic
+from gmr_traj.formats.human.decide import decide
+from gmr_traj.human_motion import HumanMotion
 from gmr_traj.robot_loading import load_robot
 
 LOWER, UPPER = 0.9, 0.8  # scale of the lower body and spine, of the arms
 MAX_ITERATIONS = 10
+# All joint frames of the clip are this one when the person stands upright, facing x: y up, z to the right.
+UPRIGHT = Rotation.from_matrix([[1, 0, 0], [0, 0, -1], [0, 1, 0]])
 TOLERANCE = 1e-3  # change in the norm of a stage's errors below which it ends
 DAMPING = 0.5
 
@@ -66,7 +70,7 @@ MAP = (
 
 
 def arms_hanging(model: mujoco.MjModel) -> mujoco.MjData:
-    """The robot standing as the human stands whose joint frames are all the identity."""
+    """The robot standing as the human stands whose joint frames are all ``UPRIGHT``."""
     data = mujoco.MjData(model)
     for name in ("left_elbow_joint", "right_elbow_joint"):
         data.qpos[model.joint(name).qposadr[0]] = np.pi / 2
@@ -77,17 +81,17 @@ def arms_hanging(model: mujoco.MjModel) -> mujoco.MjData:
 def targets(human: HumanMotion, model: mujoco.MjModel) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Scaled key-body targets: body -> positions (T, 3) [m], quaternions wxyz (T, 4), in the world.
 
-    ``p = s_root p_root + s (p_human - p_root)`` and ``R = R_human R_offset``, the offset being the body's orientation
-    in the robot's counterpart of the human's zero stance.
+    ``p = s_root p_root + s (p_human - p_root)`` and ``R = R_human R_upright^-1 R_offset``, the offset being the body's
+    orientation in the robot's counterpart of the human's zero stance.
     """
     stance = arms_hanging(model)
     root = human.positions[:, 0]
     found = {}
     for target in MAP:
-        index = human.names.index(target.joint)
+        index = human.index(target.joint)
         position = LOWER * root + target.scale * (human.positions[:, index] - root)
         offset = Rotation.from_quat(stance.body(target.body).xquat, scalar_first=True)
-        rotation = Rotation.from_quat(human.quaternions[:, index], scalar_first=True) * offset
+        rotation = Rotation.from_quat(human.quaternions[:, index], scalar_first=True) * UPRIGHT.inv() * offset
         found[target.body] = position, rotation.as_quat(scalar_first=True)
     return found
 
@@ -132,9 +136,8 @@ def main() -> None:
     parser.add_argument("--cycles", type=int, default=1, help="how often to play a cyclic clip (default: %(default)s)")
     parser.add_argument("--fps", type=float, default=30.0, help="frames per second (default: %(default)s)")
     arguments = parser.parse_args()
-    bones = read_bones(arguments.pybullet_data / "humanoid" / "humanoid.urdf")
     source = arguments.pybullet_data / "data" / "motions" / f"humanoid3d_{arguments.clip}.txt"
-    human = read_clip(source, bones, arguments.fps, arguments.cycles)
+    human = decide(deepmimic.read(source.read_bytes(), arguments.fps, arguments.cycles))
     robot = load_robot("unitree_g1")
     qpos = retarget(human, robot.model)
     np.savez_compressed(

@@ -47,7 +47,7 @@ def detect(motion: RobotMotion, robot: Robot, settings: DetectionSettings = Dete
     shortest = max(3, round(settings.shortest * motion.fps))
     stances = []
     for column, (sole, point, part) in enumerate(owners):
-        runs = _hysteresis(height[:, column], speed[:, column], settings)
+        runs = hysteresis(height[:, column], speed[:, column], settings)
         for start, stop in _bridged(runs, points[:, column], height[:, column], motion.fps, settings):
             if stop - start >= shortest:
                 stances.append(Stance(sole, point, part, start, stop))
@@ -65,8 +65,17 @@ def sole_points(motion: RobotMotion, robot: Robot) -> tuple[np.ndarray, list[tup
     return np.concatenate(blocks, axis=1), owners
 
 
-def _hysteresis(height: np.ndarray, speed: np.ndarray, settings: DetectionSettings) -> list[tuple[int, int]]:
-    """Runs of frames that enter below both lower thresholds and leave above either upper one."""
+def hysteresis(height: np.ndarray, speed: np.ndarray, settings: DetectionSettings) -> list[tuple[int, int]]:
+    """Runs of frames that enter below both lower thresholds and leave above either upper one.
+
+    Args:
+        height: over the floor [m].  # (T,)
+        speed: [m/s].  # (T,)
+        settings: the thresholds.
+
+    Returns:
+        First frame of each run and the one after its last.
+    """
     enter = (height < settings.enter_height) & (speed < settings.enter_speed)
     leave = (height > settings.leave_height) | (speed > settings.leave_speed)
     runs, start = [], None

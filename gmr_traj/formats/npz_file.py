@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import math
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -16,11 +16,25 @@ from gmr_traj.formats.size_limit import check_size
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest date a zip file can hold
 
 
-def load(data: bytes) -> dict[str, np.ndarray]:
+def names(data: bytes) -> tuple[str, ...]:
+    """Names of an npz file's entries, in the file's order, without reading any.
+
+    Raises:
+        ClipError: the archive is damaged.
+    """
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            return tuple(name.removesuffix(".npy") for name in archive.namelist())
+    except Exception as error:  # as in load
+        raise ClipError(f"not a readable npz file: {type(error).__name__}: {error}") from error
+
+
+def load(data: bytes, only: Container[str] | None = None) -> dict[str, np.ndarray]:
     """Arrays of an npz file by name, in the file's order.
 
     Args:
         data: content of the file.
+        only: the entries to read, None for all; others may hold anything (AMASS files have a pickled dict among them).
 
     Raises:
         ClipError: the archive is damaged, an entry holds Python objects (``allow_pickle`` is never on), or one claims
@@ -28,8 +42,11 @@ def load(data: bytes) -> dict[str, np.ndarray]:
     """
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            check_size(sum(info.file_size for info in archive.infolist()), "the archive's content")
-            return {info.filename.removesuffix(".npy"): _entry(archive, info) for info in archive.infolist()}
+            wanted = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
+            if only is not None:
+                wanted = {name: info for name, info in wanted.items() if name in only}
+            check_size(sum(info.file_size for info in wanted.values()), "the archive's content")
+            return {name: _entry(archive, info) for name, info in wanted.items()}
     except ClipError:
         raise
     except (

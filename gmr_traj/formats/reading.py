@@ -24,8 +24,8 @@ from gmr_traj.formats import (
 from gmr_traj.formats.clip import Clip, check_format
 from gmr_traj.formats.decide import QUATERNION_ORDERS, decide, joints_of, reduced
 from gmr_traj.formats.decompress import compression
+from gmr_traj.formats.file_bytes import read_bytes
 from gmr_traj.formats.raw import RawMotion
-from gmr_traj.formats.size_limit import check_size
 from gmr_traj.robot import Robot
 
 # What else is met under these endings, by a key that only it has, and what to do with it.
@@ -75,18 +75,13 @@ def read_clip(
         if quaternion not in (None, *QUATERNION_ORDERS):
             raise ClipError(f"there is no quaternion order {quaternion!r}; there are {', '.join(QUATERNION_ORDERS)}")
         return decide(
-            _read_raw(_bytes(Path(path)), Path(path), robot, format, quaternion), robot, fps=fps, quaternion=quaternion
+            _read_raw(read_bytes(Path(path)), Path(path), robot, format, quaternion),
+            robot,
+            fps=fps,
+            quaternion=quaternion,
         )
     except GmrTrajError as error:
         raise type(error)(f"{path}: {error}") from error
-
-
-def _bytes(path: Path) -> bytes:
-    try:
-        check_size(path.stat().st_size, "the file")
-        return path.read_bytes()
-    except OSError as error:
-        raise ClipError(f"cannot read: {error.strerror or error}") from error
 
 
 def _read_raw(data: bytes, path: Path, robot: Robot, name: str | None, quaternion: str | None) -> RawMotion:

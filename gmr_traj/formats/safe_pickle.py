@@ -13,7 +13,7 @@ import math
 import pickle
 import re
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any, ClassVar
 
 import numpy as np
@@ -26,11 +26,18 @@ _MAX_ITEMS = 2_000_000
 _NUMERIC = re.compile(r"[<>|=]?([?bhilqBHILQefd]|[biuf][0-9]{1,2}|[SU][0-9]{1,5})")
 
 
-def load(data: bytes) -> tuple[Any, str | None]:
+class Record:
+    """Stands for an object of a class that is read as a record of its fields: it has a state and does nothing."""
+
+    state: Any = None
+
+
+def load(data: bytes, records: Collection[tuple[str, str]] = ()) -> tuple[Any, str | None]:
     """Read a pickle, plain or compressed, written by ``pickle`` or by ``joblib``.
 
     Args:
         data: content of the file.
+        records: module and name of classes whose objects are read as a ``Record``; none of their code is looked for.
 
     Returns:
         The object (dicts, lists, tuples, text, numbers, arrays), and the name of the compression or None.
@@ -41,7 +48,7 @@ def load(data: bytes) -> tuple[Any, str | None]:
     packed = compression(data)
     if packed is not None:
         data = decompress(data, packed)
-    unpickler = _SafeUnpickler(io.BytesIO(data), len(data))
+    unpickler = _SafeUnpickler(io.BytesIO(data), len(data), records)
     try:
         content = unpickler.load()
     except ClipError:
@@ -66,13 +73,16 @@ class _SafeUnpickler(pickle._Unpickler):
     append: Callable[[Any], None]
     dispatch: ClassVar[dict[int, Callable[[Any], None]]] = dict(pickle._Unpickler.dispatch)
 
-    def __init__(self, stream: io.BytesIO, size: int) -> None:
+    def __init__(self, stream: io.BytesIO, size: int, records: Collection[tuple[str, str]] = ()) -> None:
         super().__init__(stream, encoding="latin1")
         self._stream = stream
         self._size = size
+        self._records = records
 
     def find_class(self, module: str, name: str) -> Any:
         """Our own constructor for an admitted name."""
+        if (module, name) in self._records or (self._records and name == "object" and "builtin" in module):
+            return Record  # protocols 0 and 1 name a class's base as well
         if (module, name) not in _ADMITTED:
             raise ClipError(
                 f"the pickle names {module}.{name}, neither an array nor a plain container: nothing was run; "
@@ -90,6 +100,8 @@ class _SafeUnpickler(pickle._Unpickler):
             _set_dtype_state(instance, state)
         elif isinstance(instance, _JoblibArray):
             self.stack[-1] = _read_joblib_array(state, self._stream)
+        elif isinstance(instance, Record):
+            instance.state = state
         else:
             raise pickle.UnpicklingError(f"state for a {type(instance).__name__}")
 
@@ -183,6 +195,13 @@ def _no_bytes() -> bytes:
     return b""
 
 
+def _reconstruct_record(kind: Any, *_: Any) -> Record:
+    """What protocols 0 and 1 call for an object of a class."""
+    if kind is not Record:
+        raise pickle.UnpicklingError("an object of a class that is not read")
+    return Record()
+
+
 def _latin1(text: Any, encoding: Any) -> bytes:
     if not isinstance(text, str) or encoding not in ("latin1", "latin-1"):
         raise pickle.UnpicklingError(f"text encoded as {encoding!r}")
@@ -196,6 +215,8 @@ _ADMITTED: dict[tuple[str, str], Callable[..., Any]] = {
     ("builtins", "bytes"): _no_bytes,
     ("__builtin__", "bytes"): _no_bytes,
     ("collections", "OrderedDict"): dict,
+    ("copy_reg", "_reconstructor"): _reconstruct_record,
+    ("copyreg", "_reconstructor"): _reconstruct_record,
     ("joblib.numpy_pickle", "NumpyArrayWrapper"): _JoblibArray,
     **{(f"{core}.multiarray", "_reconstruct"): _reconstruct for core in ("numpy.core", "numpy._core")},
     **{(f"{core}.multiarray", "scalar"): _scalar for core in ("numpy.core", "numpy._core")},
@@ -216,6 +237,8 @@ def _check_plain(content: Any) -> None:
             todo += [(v, depth + 1) for pair in value.items() for v in pair]
         elif isinstance(value, list | tuple | set | frozenset):
             todo += [(v, depth + 1) for v in value]
+        elif isinstance(value, Record):
+            todo.append((value.state, depth + 1))
         elif value is not None and not isinstance(
             value, bool | int | float | complex | str | bytes | bytearray | np.ndarray | np.generic
         ):
