@@ -23,6 +23,10 @@ class ProblemError(GmrTrajError):
     """A problem file names an unknown term, use or option, or a value out of range."""
 
 
+class MapError(GmrTrajError):
+    """A human-to-robot map is missing, incomplete, or does not fit the human motion or the robot."""
+
+
 class ScheduleError(GmrTrajError):
     """A contact schedule does not fit the clip or the robot."""
 

@@ -33,7 +33,6 @@ The fields:
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -41,7 +40,7 @@ import numpy as np
 
 from gmr_traj.exceptions import RobotError
 from gmr_traj.robot import Capsule, Sole
-from gmr_traj.toml_table import Table
+from gmr_traj.toml_table import Table, read_toml
 
 # Sole points may be off their common plane by this much [m].
 _PLANE_TOLERANCE = 1e-6
@@ -101,13 +100,7 @@ def read_robot_toml(path: Path) -> RobotFile:
     Raises:
         RobotError: the file cannot be read, is not TOML, or a field is missing, unknown or of the wrong kind.
     """
-    try:
-        values = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise RobotError(f"{path}: cannot be read: {error.strerror}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise RobotError(f"{path}: is not valid TOML: {error}") from error
-    top = Table(path, "", values, RobotError)
+    top = read_toml(path, RobotError)
     nominal, collision = top.table("nominal"), top.table("collision", required=False)
     mesh_folder = top.text("mesh_folder", "")
     file = RobotFile(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -122,6 +123,21 @@ class Table:
 
     def _inner(self, key: str) -> str:
         return f"{self.where.strip('[]')}.{key}" if self.where else key
+
+
+def read_toml(path: Path, error_type: type[GmrTrajError]) -> Table:
+    """The top table of a TOML file.
+
+    Raises:
+        GmrTrajError: (``error_type``) the file cannot be read or is not TOML.
+    """
+    try:
+        values = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise error_type(f"{path}: cannot be read: {error.strerror}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise error_type(f"{path}: is not valid TOML: {error}") from error
+    return Table(path, "", values, error_type)
 
 
 def _is_number(value: Any) -> bool:

@@ -23,11 +23,23 @@ def named(metavar: str, otherwise: str = "") -> Any:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Common(ABC):
+class Subcommand(ABC):
     """Options that every subcommand has."""
 
     robot: Annotated[str, named("NAME|PATH")] = "unitree_g1"
     """Robot: one that ships with gmr-traj, or the path of a robot.toml."""
+
+    traceback: bool = False
+    """Print the Python traceback of an error (also: GMR_TRAJ_TRACEBACK=1)."""
+
+    @abstractmethod
+    def run(self) -> int:
+        """Carry the subcommand out and return its exit code."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Common(Subcommand):
+    """Options that every subcommand has whose input is a clip of a robot."""
 
     input_format: Annotated[Format | None, FORMAT] = None
     """Format of the input; detected from its content where it is not given."""
@@ -37,13 +49,6 @@ class Common(ABC):
 
     quaternion: Annotated[Literal["xyzw", "wxyz"] | None, named("xyzw|wxyz", "decided from the content")] = None
     """Order of the input's base quaternion."""
-
-    traceback: bool = False
-    """Print the Python traceback of an error (also: GMR_TRAJ_TRACEBACK=1)."""
-
-    @abstractmethod
-    def run(self) -> int:
-        """Carry the subcommand out and return its exit code."""
 
 
 @dataclass(frozen=True, kw_only=True)

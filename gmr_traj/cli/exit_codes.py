@@ -22,7 +22,7 @@ class ExitCode(IntEnum):
 
 
 _MEANINGS = {
-    ExitCode.OK: "the clip was written and every promise holds (refine); the report was made (inspect, bench)",
+    ExitCode.OK: "the clip was written and every promise holds (refine); the report was made (inspect, compare, bench)",
     ExitCode.INTERNAL_ERROR: "a fault in gmr-traj itself; --traceback shows where",
     ExitCode.BAD_INPUT: "bad usage, or a file that cannot be read or written; nothing was written",
     ExitCode.BROKEN_PROMISE: "the clip was written, but a promise of its certificate is broken",

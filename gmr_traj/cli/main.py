@@ -14,7 +14,7 @@ from typing import Annotated
 import tyro
 
 from gmr_traj._version import __version__
-from gmr_traj.cli import arguments
+from gmr_traj.cli import arguments, compare_arguments, make_map_arguments, retarget_arguments
 from gmr_traj.cli.exit_codes import ExitCode, table
 from gmr_traj.exceptions import GmrTrajError
 from gmr_traj.memory import keep_freed
@@ -30,6 +30,9 @@ Command = (
     Annotated[arguments.Refine, tyro.conf.subcommand("refine")]
     | Annotated[arguments.Inspect, tyro.conf.subcommand("inspect")]
     | Annotated[arguments.Bench, tyro.conf.subcommand("bench")]
+    | Annotated[retarget_arguments.Retarget, tyro.conf.subcommand("retarget")]
+    | Annotated[make_map_arguments.MakeMap, tyro.conf.subcommand("make-map")]
+    | Annotated[compare_arguments.Compare, tyro.conf.subcommand("compare")]
 )
 
 
@@ -46,7 +49,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if given == ["--version"]:
         print(f"gmr-traj {__version__}")
         return ExitCode.OK
-    command: arguments.Common = tyro.cli(
+    command: arguments.Subcommand = tyro.cli(
         Command,
         prog="gmr-traj",
         description=DESCRIPTION,
@@ -75,7 +78,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _end(line, ExitCode.INTERNAL_ERROR, command)
 
 
-def _end(line: str, code: ExitCode, command: arguments.Common) -> int:
+def _end(line: str, code: ExitCode, command: arguments.Subcommand) -> int:
     """Say one line on stderr, after the traceback where one is wanted."""
     if command.traceback or os.environ.get("GMR_TRAJ_TRACEBACK", "0") not in ("", "0"):
         traceback.print_exc()

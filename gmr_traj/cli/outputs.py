@@ -62,19 +62,30 @@ def plan(clip: Path, output: Path | None, file_format: str | None, contacts: Pat
     suffix = SUFFIXES[file_format] if file_format else clip.suffix
     outputs = Outputs(output or clip.with_name(f"{clip.stem}_refined{suffix}"), contacts)
     for path in (outputs.clip, outputs.report(outputs.clip), outputs.contacts):
-        if path is None:
-            continue
-        if path.exists() and clip.exists() and path.samefile(clip):
-            raise GmrTrajError(
-                f"{path}: this is the input, which is never overwritten; name another file with --output"
-            )
-        if path.is_dir():
-            raise GmrTrajError(f"{path}: this is a folder; name a file in it")
-        if not path.parent.is_dir():
-            raise GmrTrajError(f"{path}: there is no folder {path.parent}; create it first")
-        if path.exists() and not force:
-            raise GmrTrajError(f"{path}: this file exists; name another with --output, or overwrite it with --force")
+        if path is not None:
+            check(path, clip, force)
     return outputs
+
+
+def check(path: Path, clip: Path, force: bool) -> None:
+    """Refuse an output that would destroy something or cannot be written.
+
+    Args:
+        path: the output.
+        clip: the input.
+        force: an existing file may be replaced (never the input).
+
+    Raises:
+        GmrTrajError: it is the input, a folder, exists without ``force``, or lies in no folder.
+    """
+    if path.exists() and clip.exists() and path.samefile(clip):
+        raise GmrTrajError(f"{path}: this is the input, which is never overwritten; name another file with --output")
+    if path.is_dir():
+        raise GmrTrajError(f"{path}: this is a folder; name a file in it")
+    if not path.parent.is_dir():
+        raise GmrTrajError(f"{path}: there is no folder {path.parent}; create it first")
+    if path.exists() and not force:
+        raise GmrTrajError(f"{path}: this file exists; name another with --output, or overwrite it with --force")
 
 
 @contextmanager

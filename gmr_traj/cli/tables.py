@@ -15,7 +15,7 @@ _HELD = {True: "[green]held[/green]", False: "[bold red]BROKEN[/bold red]"}
 
 def certificate(measured: Certificate) -> Table:
     """Every promise with the input's figure, the refined clip's, the bar and whether it holds."""
-    table = _table("promise", ">input", ">refined", ">at most", "unit", "", "where")
+    table = plain_table("promise", ">input", ">refined", ">at most", "unit", "", "where")
     for promise in measured.promises:
         table.add_row(
             escape(promise.sentence),
@@ -31,7 +31,7 @@ def certificate(measured: Certificate) -> Table:
 
 def change(moved: Change) -> Table:
     """How far each key body moved and turned against the levelled input."""
-    table = _table("body", ">mean [mm]", ">max [mm]", ">mean [deg]", ">max [deg]")
+    table = plain_table("body", ">mean [mm]", ">max [mm]", ">mean [deg]", ">max [deg]")
     for body in moved.bodies:
         figures = (body.position_mean, body.position_max, body.orientation_mean, body.orientation_max)
         table.add_row(escape(body.body), *(number(figure) for figure in figures))
@@ -46,7 +46,7 @@ def kinds(found: Sequence[Artefact], seconds: float) -> Table:
         found: artefacts of one clip, worst first.
         seconds: length of the clip [s].
     """
-    table = _table("artefact", ">count", ">of clip", ">worst", "unit", "where", ">seconds")
+    table = plain_table("artefact", ">count", ">of clip", ">worst", "unit", "where", ">seconds")
     by_kind: dict[str, list[Artefact]] = {}
     for artefact in found:
         by_kind.setdefault(artefact.kind, []).append(artefact)
@@ -59,7 +59,7 @@ def kinds(found: Sequence[Artefact], seconds: float) -> Table:
 
 def artefacts(found: Sequence[Artefact], top: int) -> Table:
     """The ``top`` worst artefacts of a clip, one a line."""
-    table = _table("artefact", "where", ">seconds", ">frames", ">value", "unit", ">severity")
+    table = plain_table("artefact", "where", ">seconds", ">frames", ">value", "unit", ">severity")
     for artefact in found[:top]:
         table.add_row(
             artefact.kind.replace("_", " "),
@@ -75,7 +75,7 @@ def artefacts(found: Sequence[Artefact], top: int) -> Table:
 
 def ranking(clips: Iterable[tuple[str, float, Figures, Sequence[Artefact]]]) -> Table:
     """One line a clip: its score, length, and the figures that tell clips apart, in the order given."""
-    table = _table("clip", ">score", ">s", ">jumps", ">rad/s", ">drift mm", ">sole mm", ">self mm", "worst")
+    table = plain_table("clip", ">score", ">s", ">jumps", ">rad/s", ">drift mm", ">sole mm", ">self mm", "worst")
     for name, score, figures, found in clips:
         table.add_row(
             escape(name),
@@ -102,7 +102,7 @@ def number(value: float) -> str:
     return f"{value:#.3g}".rstrip(".")
 
 
-def _table(*columns: str) -> Table:
+def plain_table(*columns: str) -> Table:
     """A table without rules; the columns whose name begins with ``>`` are numbers, on the right."""
     table = Table(box=None, pad_edge=False, show_edge=False, header_style="bold")
     for name in columns:

@@ -39,19 +39,34 @@ def detect(motion: RobotMotion, robot: Robot, settings: DetectionSettings = Dete
     """Stances of every sole point."""
     points, owners = sole_points(motion, robot)
     level = float(np.quantile(points[:, :, 2].min(axis=1), settings.level_quantile))
-    height = points[:, :, 2] - level
-    if motion.frames > 1:
-        speed = np.linalg.norm(np.gradient(points, axis=0), axis=2) * motion.fps
-    else:
-        speed = np.zeros(height.shape)
-    shortest = max(3, round(settings.shortest * motion.fps))
-    stances = []
-    for column, (sole, point, part) in enumerate(owners):
-        runs = hysteresis(height[:, column], speed[:, column], settings)
-        for start, stop in _bridged(runs, points[:, column], height[:, column], motion.fps, settings):
-            if stop - start >= shortest:
-                stances.append(Stance(sole, point, part, start, stop))
+    runs = rest_runs(points, points[:, :, 2] - level, motion.fps, settings)
+    stances = [
+        Stance(sole, point, part, start, stop)
+        for (sole, point, part), own in zip(owners, runs, strict=True)
+        for start, stop in own
+    ]
     return ContactSchedule(motion.frames, motion.fps, tuple(sorted(stances)), height=-level)
+
+
+def rest_runs(
+    points: np.ndarray, height: np.ndarray, fps: float, settings: DetectionSettings
+) -> list[list[tuple[int, int]]]:
+    """Stretches of frames ``[start, stop)`` in which each point rests on the floor.
+
+    Args:
+        points: the points in the world [m].  # (T, K, 3)
+        height: their heights above the floor they rest on [m].  # (T, K)
+        fps: frames per second.
+        settings: thresholds.
+    """
+    speed = np.linalg.norm(np.gradient(points, axis=0), axis=2) * fps if len(points) > 1 else np.zeros(height.shape)
+    shortest = max(3, round(settings.shortest * fps))
+    found = []
+    for column in range(points.shape[1]):
+        runs = hysteresis(height[:, column], speed[:, column], settings)
+        bridged = _bridged(runs, points[:, column], height[:, column], fps, settings)
+        found.append([(start, stop) for start, stop in bridged if stop - start >= shortest])
+    return found
 
 
 def sole_points(motion: RobotMotion, robot: Robot) -> tuple[np.ndarray, list[tuple[str, int, str]]]:

@@ -68,7 +68,7 @@ def write(clip: Clip, stream: BinaryIO) -> tuple[str, ...]:
         qpos[:, 3:7] = np.roll(qpos[:, 3:7], -1, axis=1)
     content = {
         "qpos": qpos,
-        "fps": like_fps(clip.extras["fps"] if own else None, motion.fps),
+        "fps": like_fps(clip.extras.get("fps") if own else None, motion.fps),
         "joint_names": np.array(motion.joint_names),
         "robot": np.array(motion.robot),
     }
@@ -77,7 +77,7 @@ def write(clip: Clip, stream: BinaryIO) -> tuple[str, ...]:
     if clip.references is not None:
         content |= {key: np.array(getattr(clip.references, field)) for key, field in _REFERENCES.items()}
         content[_POINTS] = np.array(clip.references.points)
-    npz_file.save(stream, content | (clip.extras["others"] if own else {}))
+    npz_file.save(stream, content | (clip.extras.get("others", {}) if own else {}))
     return ()
 
 

@@ -1,0 +1,155 @@
+"""One step of inverse kinematics: errors, their derivatives, and the program, against mink and differences."""
+
+from __future__ import annotations
+
+import mink
+import mujoco
+import numpy as np
+import pytest
+from conftest import random_configurations
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.linalg import expm
+from scipy.spatial.transform import Rotation
+
+from gmr_traj.exceptions import RobotError, SolverError
+from gmr_traj.retarget.body_map import load_map
+from gmr_traj.retarget.frame_error import cross_matrix, derivatives, rotation_vectors, twists
+from gmr_traj.retarget.inverse_kinematics import InverseKinematics, Stage
+from gmr_traj.robot import Robot
+
+COUNT = 5
+ANGLES = (1e-6, 1e-3, 0.049, 0.051, 1.0, 3.1)  # both sides of where the series take over, and nearly half a turn
+
+
+def errors_between(angle: float, seed: int) -> tuple[Rotation, np.ndarray, Rotation, np.ndarray]:
+    """Bodies, and targets that are turned by ``angle`` from them."""
+    rng = np.random.default_rng(seed)
+    body = Rotation.random(COUNT, random_state=seed)
+    axes = rng.normal(size=(COUNT, 3))
+    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+    return body, rng.normal(size=(COUNT, 3)), body * Rotation.from_rotvec(angle * axes), rng.normal(size=(COUNT, 3))
+
+
+def twist(body: Rotation, p: np.ndarray, target: Rotation, at: np.ndarray):
+    w = rotation_vectors(body.as_quat(scalar_first=True), target.as_quat(scalar_first=True))
+    return twists(w, body.inv().apply(at - p))
+
+
+@pytest.mark.parametrize("angle", ANGLES)
+def test_errors_and_derivatives_are_minks(angle: float):
+    body, p, target, at = errors_between(angle, 1)
+    found = twist(body, p, target, at)
+    slopes = derivatives(found)
+    for b in range(COUNT):
+        T_body = mink.SE3(np.concatenate([body[b].as_quat(scalar_first=True), p[b]]))
+        T_target = mink.SE3(np.concatenate([target[b].as_quat(scalar_first=True), at[b]]))
+        np.testing.assert_allclose(found.e[b], T_target.rminus(T_body), atol=1e-12)
+        if angle > 1e-3:  # mink drops the first-order term of the coupling below that
+            np.testing.assert_allclose(slopes[b], -(T_target.inverse() @ T_body).jlog(), atol=1e-11)
+
+
+@pytest.mark.parametrize("angle", ANGLES)
+def test_derivatives_are_those_of_the_errors(angle: float):
+    body, p, target, at = errors_between(angle, 2)
+    slopes = derivatives(twist(body, p, target, at))
+    step = 1e-6
+    for k in range(6):
+        moved = []
+        for sign in (step, -step):
+            v, o = np.zeros(3), np.zeros(3)
+            (v if k < 3 else o)[k % 3] = sign
+            # To first order the body twist (v, o) moves the body by R v and turns it by exp(o).
+            moved.append(twist(body * Rotation.from_rotvec(o), p + body.apply(v), target, at).e)
+        np.testing.assert_allclose(slopes[:, :, k], (moved[0] - moved[1]) / (2 * step), atol=2e-8)
+
+
+@given(st.integers(0, 10_000), st.floats(0.0, np.pi - 1e-3))
+def test_the_error_is_the_twist_that_leads_to_the_target(seed: int, angle: float):
+    body, p, target, at = errors_between(angle, seed)
+    for b, e in enumerate(twist(body, p, target, at).e):
+        generator = np.zeros((4, 4))
+        generator[:3, :3], generator[:3, 3] = cross_matrix(e[None, 3:])[0], e[:3]
+        T = expm(generator)
+        np.testing.assert_allclose(p[b] + body[b].apply(T[:3, 3]), at[b], atol=1e-9)
+        assert (body[b] * Rotation.from_matrix(T[:3, :3]) * target[b].inv()).magnitude() < 1e-7
+
+
+def test_rotation_vectors_take_the_shorter_way_whatever_the_quaternions_sign():
+    body, target = Rotation.random(COUNT, random_state=3), Rotation.random(COUNT, random_state=4)
+    for sign in (1.0, -1.0):
+        w = rotation_vectors(body.as_quat(scalar_first=True), sign * target.as_quat(scalar_first=True))
+        np.testing.assert_allclose(w, (body.inv() * target).as_rotvec(), atol=1e-12)
+
+
+@pytest.fixture(scope="module")
+def problem(g1: Robot):
+    """Inverse kinematics of the LAFAN1 map's bodies with targets nearby, and the costs of the second stage."""
+    body_map = load_map("lafan1_to_unitree_g1", g1)
+    rng = np.random.default_rng(0)
+    points = rng.normal(scale=0.1, size=(len(body_map.bodies), 3))
+    ik = InverseKinematics(g1, body_map.bodies, points, damping=0.5, lm_damping=1.0)
+    ik.aim(rng.normal(size=points.shape), Rotation.random(len(points), random_state=1).as_quat(scalar_first=True))
+    return ik, Stage(body_map.costs(2)), random_configurations(g1, 1, 7)[0]
+
+
+def test_the_gradient_is_that_of_half_the_weighted_squares(problem, g1: Robot):
+    ik, stage, q = problem
+    _, gradient = ik.objective(ik.place(q), stage)
+
+    def cost(v: np.ndarray) -> float:
+        moved = q.copy()
+        mujoco.mj_integratePos(g1.model, moved, v, 1.0)
+        return 0.5 * float(((stage.costs * ik.place(moved).errors.e) ** 2).sum())
+
+    steps = 1e-6 * np.eye(g1.model.nv)
+    numeric = [(cost(step) - cost(-step)) / 2e-6 for step in steps]
+    np.testing.assert_allclose(gradient, numeric, atol=1e-6 * np.abs(gradient).max())
+
+
+@pytest.mark.parametrize("stage", [1, 2])
+def test_the_program_and_the_step_are_minks(g1: Robot, stage: int):
+    body_map = load_map("lafan1_to_unitree_g1", g1)
+    costs, bodies = body_map.costs(stage), body_map.bodies
+    ik = InverseKinematics(g1, bodies, body_map.points, damping=0.5, lm_damping=1.0)
+    limit = mink.ConfigurationLimit(g1.model)
+    tasks = [mink.FrameTask(body, "body", *cost, lm_damping=1.0) for body, cost in zip(bodies, costs, strict=True)]
+    rng = np.random.default_rng(3)
+    for q in random_configurations(g1, 8, 11):
+        positions = rng.normal(scale=0.2, size=(len(bodies), 3)) + q[:3]
+        quaternions = Rotation.random(len(bodies), random_state=2).as_quat(scalar_first=True)
+        ik.aim(positions, quaternions)
+        configuration = mink.Configuration(g1.model)
+        configuration.update(q)
+        for task, p, o in zip(tasks, positions, quaternions, strict=True):
+            task.set_target(mink.SE3(np.concatenate([o, p])))
+        program = mink.build_ik(configuration, tasks, 0.002, 0.5, limits=[limit])
+        placement = ik.place(q)
+        H, gradient = ik.objective(placement, Stage(costs))
+        np.testing.assert_allclose(H, program.P, atol=1e-10 * np.abs(H).max())
+        np.testing.assert_allclose(gradient, program.q, atol=1e-10 * np.abs(gradient).max())
+        lower, upper = np.full(35, -1e30), np.full(35, 1e30)
+        lower[6:], upper[6:] = 0.95 * (g1.position_lower - q[7:]), 0.95 * (g1.position_upper - q[7:])
+        velocity = mink.solve_ik(configuration, tasks, 0.002, "daqp", 0.5, limits=[limit])
+        configuration.integrate_inplace(velocity, 0.002)
+        np.testing.assert_allclose(ik.step(q, placement, Stage(costs), lower, upper), configuration.q, atol=1e-9)
+
+
+def test_a_step_keeps_its_bounds(problem):
+    ik, stage, q = problem
+    narrow = np.full(35, 0.01)
+    after = ik.step(q, ik.place(q), stage, -narrow, narrow)
+    moved = np.abs(after[7:] - q[7:])
+    assert moved.max() <= 0.01 + 1e-9
+    assert (moved > 0.0099).any()  # some joint would go farther
+
+
+def test_bounds_that_contradict_each_other_are_an_error(problem):
+    ik, stage, q = problem
+    with pytest.raises(SolverError, match="not solved"):
+        ik.step(q, ik.place(q), stage, np.full(35, 1.0), np.full(35, -1.0))
+
+
+def test_an_unknown_body_is_an_error(g1: Robot):
+    with pytest.raises(RobotError, match="no body 'tail'"):
+        InverseKinematics(g1, ["tail"], np.zeros((1, 3)), damping=1.0, lm_damping=0.0)
