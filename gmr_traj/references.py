@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -74,6 +75,19 @@ class BodyTargets:
     def frames(self) -> int:
         """Number of frames T."""
         return len(self.positions)
+
+    def of(self, bodies: Collection[str]) -> BodyTargets:
+        """Those of some bodies."""
+        kept = [k for k, name in enumerate(self.names) if name in bodies]
+        return replace(
+            self,
+            names=tuple(self.names[k] for k in kept),
+            positions=self.positions[:, kept],
+            quaternions=self.quaternions[:, kept],
+            position_weights=self.position_weights[kept],
+            orientation_weights=self.orientation_weights[kept],
+            points=self.points[kept],
+        )
 
     def part(self, start: int, stop: int) -> BodyTargets:
         """Frames ``start`` to ``stop``."""

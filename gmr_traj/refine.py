@@ -9,9 +9,9 @@ import numpy as np
 from gmr_traj.collision.untangle import untangle
 from gmr_traj.contacts.detect import detect
 from gmr_traj.contacts.schedule import ContactSchedule
-from gmr_traj.contacts.source_level import source_height
 from gmr_traj.exceptions import ClipError, ProblemError, RobotError, ScheduleError
 from gmr_traj.kinematics.casadi_kinematics import CasadiKinematics
+from gmr_traj.misfit import fitted
 from gmr_traj.motion import RobotMotion
 from gmr_traj.outcome import SolveReport
 from gmr_traj.problem import Problem
@@ -47,6 +47,7 @@ def refine(
     *,
     schedule: ContactSchedule | None = None,
     references: BodyTargets | None = None,
+    source_stances: ContactSchedule | None = None,
     window: float | None = None,
     overlap: float | None = None,
     kinematics: CasadiKinematics | None = None,
@@ -59,7 +60,9 @@ def refine(
         robot: whose joints it moves, in the same order.
         problem: terms and solver.
         schedule: stances, in frames of ``motion``; detected where none is given.
-        references: where the source has the bodies, in the world of ``motion``; tracked where they are given.
+        references: where the source has the bodies, in the world of ``motion``; where they are given they are tracked,
+            fitted to the robot (see :mod:`~gmr_traj.misfit`), instead of the clip.
+        source_stances: when the sole points are in stance in the source, for the detection of stances.
         window: length of the windows to solve one after another [s]; None for the whole clip at once.
         overlap: look-ahead of a window beyond the frames that are kept of it [s].
         kinematics: of the robot; whoever refines many clips keeps one, because what was compiled for it is used again.
@@ -86,7 +89,7 @@ def refine(
             f"an overlap of {overlap:g} s is of windows, and there are none: give a window's length, too"
         )
     if schedule is None:
-        schedule = detect(motion, robot)
+        schedule = detect(motion, robot, source=source_stances)
     elif schedule.frames != motion.frames:
         raise ScheduleError(f"the contact schedule has {schedule.frames} frames, the clip {motion.frames}")
     elif abs(schedule.fps - motion.fps) > 1e-3 * motion.fps:
@@ -95,8 +98,11 @@ def refine(
     kinematics = kinematics or CasadiKinematics(robot)
     # Where a limb is deep in the body the input is no reference: start from, and stay near, a way around.
     start, _ = untangle(robot, levelled)
-    targets = None if references is None else references.raised(source_height(references, robot, schedule))
-    task = Task(start, start, trust(motion), schedule, held=np.zeros(0, int), references=targets)
+    believed = trust(motion)
+    targets = None
+    if references is not None:
+        targets = fitted(references.raised(schedule.height), robot, start, believed)
+    task = Task(start, start, believed, schedule, held=np.zeros(0, int), references=targets)
     if window is None:
         result, report = solve_clip(task, kinematics, problem, progress)
     else:

@@ -24,7 +24,7 @@ class Task:
         target: motion to stay close to.
         trust: of each frame of the target.  # (T,)
         schedule: stances.
-        references: where the source has the bodies, in the world of the target; None where that is not known.
+        references: the source's targets, fitted to the robot; None where they are not known.
         held: frames that keep the centre's configuration.
         visited: motions of earlier passes near which constraint rows are built, the centre's apart.
     """

@@ -14,7 +14,6 @@ from scipy.spatial.transform import Rotation
 from gmr_traj.comparison import Comparison, Entrant, Measure, Metric, as_source, compare
 from gmr_traj.comparison.compare import Row
 from gmr_traj.comparison.entrant import align
-from gmr_traj.comparison.source import foot_joints, person_schedule
 from gmr_traj.comparison.stances import by_vote, from_targets
 from gmr_traj.contacts.detect import detect
 from gmr_traj.exceptions import ClipError, ScheduleError
@@ -24,6 +23,7 @@ from gmr_traj.motion import RobotMotion
 from gmr_traj.references import BodyTargets
 from gmr_traj.resampling import resample
 from gmr_traj.retarget.body_map import load_map
+from gmr_traj.retarget.source import foot_joints, person_schedule
 from gmr_traj.robot import Robot
 
 

@@ -3,6 +3,6 @@
 from gmr_traj.comparison.compare import Comparison, compare
 from gmr_traj.comparison.entrant import Entrant
 from gmr_traj.comparison.metric import Measure, Metric
-from gmr_traj.comparison.source import Source, as_source
+from gmr_traj.retarget.source import Source, as_source
 
 __all__ = ["Comparison", "Entrant", "Measure", "Metric", "Source", "as_source", "compare"]

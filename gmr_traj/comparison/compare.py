@@ -10,12 +10,12 @@ from gmr_traj.comparison.entrant import Entrant, Field, align, cut_frames, cut_t
 from gmr_traj.comparison.figures import Judged
 from gmr_traj.comparison.groups import GROUPS
 from gmr_traj.comparison.metric import Measure, Metric
-from gmr_traj.comparison.source import Source
 from gmr_traj.comparison.stances import by_vote, from_targets
 from gmr_traj.contacts.schedule import ContactSchedule
 from gmr_traj.metrics.settings import Settings, shipped
 from gmr_traj.references import BodyTargets
 from gmr_traj.resampling import resample_schedule, resample_targets
+from gmr_traj.retarget.source import Source
 from gmr_traj.robot import Robot
 
 _TIE = 1e-9  # relative; values this close are equally good

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gmr_traj.contacts.schedule import ContactSchedule, Stance
+from gmr_traj.exceptions import ScheduleError
 from gmr_traj.kinematics.mujoco_kinematics import placements
 from gmr_traj.motion import RobotMotion
 from gmr_traj.robot import Robot
@@ -23,6 +24,7 @@ class DetectionSettings:
         shortest: stances shorter than this are dropped [s].
         bridge: gaps up to this long between two stances of a point that stays low are closed [s],
         bridge_distance: if the point is no farther than this from where it was [m].
+        source_allowance: how much higher a point may be where the source has it in stance [m].
     """
 
     level_quantile: float = 0.1
@@ -33,13 +35,39 @@ class DetectionSettings:
     shortest: float = 0.1
     bridge: float = 0.11
     bridge_distance: float = 0.03
+    source_allowance: float = 0.02
 
 
-def detect(motion: RobotMotion, robot: Robot, settings: DetectionSettings = DetectionSettings()) -> ContactSchedule:
-    """Stances of every sole point."""
+def detect(
+    motion: RobotMotion,
+    robot: Robot,
+    settings: DetectionSettings = DetectionSettings(),
+    source: ContactSchedule | None = None,
+) -> ContactSchedule:
+    """Stances of every sole point.
+
+    Args:
+        motion: the clip.
+        robot: the robot.
+        settings: thresholds.
+        source: when the same points are in stance in what the clip is a retarget of: retargeted feet hover over the
+            floor by centimetres, and there they may.
+
+    Raises:
+        ScheduleError: the source's stances are of another number of frames than the clip.
+    """
     points, owners = sole_points(motion, robot)
     level = float(np.quantile(points[:, :, 2].min(axis=1), settings.level_quantile))
-    runs = rest_runs(points, points[:, :, 2] - level, motion.fps, settings)
+    height = points[:, :, 2] - level
+    if source is not None:
+        if source.frames != motion.frames:
+            raise ScheduleError(f"the source's stances are of {source.frames} frames, the clip has {motion.frames}")
+        allowed = np.zeros(height.shape)
+        of_point = {(sole, point): column for column, (sole, point, _) in enumerate(owners)}
+        for stance in source.stances:
+            allowed[stance.start : stance.stop, of_point[stance.sole, stance.point]] = settings.source_allowance
+        height = height - allowed
+    runs = rest_runs(points, height, motion.fps, settings)
     stances = [
         Stance(sole, point, part, start, stop)
         for (sole, point, part), own in zip(owners, runs, strict=True)

@@ -6,16 +6,26 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from gmr_traj.contacts.schedule import ContactSchedule
+from gmr_traj.contacts.source_level import source_height
 from gmr_traj.metrics.artefact import Artefact
 from gmr_traj.metrics.artefacts import find_artefacts
 from gmr_traj.metrics.change import Change, change
+from gmr_traj.metrics.faithfulness import target_distances
 from gmr_traj.metrics.figures import Figures, figures
-from gmr_traj.metrics.observation import observe
+from gmr_traj.metrics.observation import Observation, observe
 from gmr_traj.metrics.promise import Promise
-from gmr_traj.metrics.promises import change_promises, figure_promises, jump_promises, same_clip, untouched_promises
+from gmr_traj.metrics.promises import (
+    change_promises,
+    figure_promises,
+    jump_promises,
+    same_clip,
+    source_promises,
+    untouched_promises,
+)
 from gmr_traj.metrics.settings import Settings, shipped
 from gmr_traj.metrics.stances import cut_to
 from gmr_traj.motion import RobotMotion
+from gmr_traj.references import BodyTargets
 from gmr_traj.robot import Robot
 
 
@@ -71,6 +81,7 @@ def certify(
     schedule: ContactSchedule,
     *,
     levelling: float,
+    references: BodyTargets | None = None,
     settings: Settings | None = None,
 ) -> Certificate:
     """Measure a refined clip against its input and hold it to the promises.
@@ -84,6 +95,7 @@ def certify(
         robot: robot of both clips.
         schedule: the input's stances.
         levelling: how far the input was raised to stand on the floor before it was refined [m].
+        references: the source's targets in the input's world, where they are known.
         settings: the bars; by default ``configs/certificate.toml``.
 
     Raises:
@@ -98,6 +110,9 @@ def certify(
     found_before = find_artefacts(before, replace(schedule, height=levelling))
     found_after = find_artefacts(after, replace(same_stances, height=0.0))
     moved = change(level, after)
+    source: list[Promise] = []
+    if references is not None:
+        source = _source_promises(before, after, references, same_stances, bars)
     return Certificate(
         levelling=levelling,
         figures_before=figures_before,
@@ -109,9 +124,24 @@ def certify(
             *figure_promises(figures_before, figures_after, bars),
             *jump_promises(found_before, found_after, bars),
             *change_promises(moved, bars),
+            *source,
             *untouched_promises(level, after, found_before, bars),
             *same_clip(raw, refined),
         ),
+    )
+
+
+def _source_promises(
+    before: Observation, after: Observation, references: BodyTargets, schedule: ContactSchedule, bars: Settings
+) -> list[Promise]:
+    """Distances from the source, which stands on the floor where the refined clip does."""
+    robot, frames = after.robot, min(before.motion.frames, after.motion.frames)
+    known = references.of(robot.body_names)
+    if not known.names or frames != known.frames:
+        return []
+    grounded = known.raised(source_height(known, robot, schedule))
+    return source_promises(
+        target_distances(before, known, known.names), target_distances(after, grounded, known.names), bars
     )
 
 

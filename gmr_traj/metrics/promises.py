@@ -9,6 +9,7 @@ import numpy as np
 
 from gmr_traj.metrics.artefact import Artefact
 from gmr_traj.metrics.change import Change, upper_body_change
+from gmr_traj.metrics.faithfulness import Distances
 from gmr_traj.metrics.figures import Figures
 from gmr_traj.metrics.intervals import near
 from gmr_traj.metrics.observation import Observation
@@ -33,6 +34,8 @@ _SENTENCES = {
     "self_share": "hardly a frame is over 1 mm deep in itself",
     "change_position": "bodies are where the input has them (mean)",
     "change_orientation": "bodies are turned as in the input (mean)",
+    "source_position": "bodies are where the human has them (mean)",
+    "source_orientation": "bodies are turned as the human's (mean)",
     "untouched_mean": "where no fault was, little changed (mean)",
     "untouched_p95": "where no fault was, little changed (95 %)",
     "frames": "as many frames as the input",
@@ -95,6 +98,28 @@ def change_promises(moved: Change, bars: Settings) -> list[Promise]:
         _promise("change_position", moved.position, bars("change", "position"), "mm", furthest),
         _promise("change_orientation", moved.orientation, bars("change", "orientation"), "deg", turned),
     ]
+
+
+def source_promises(before: Distances, after: Distances, bars: Settings) -> list[Promise]:
+    """The motion is the human's as much as the input was: mean distance from the scaled human's key bodies.
+
+    Args:
+        before: distances of the input.
+        after: distances of the refined clip.
+        bars: the bars: a share of the input's position, degrees more than the input's orientation.
+    """
+    out = []
+    if after.placed.any():
+        far, was = (1e3 * d.position[:, d.placed].mean(axis=0) for d in (after, before))
+        bar = bars("source", "position_of_input") * was.mean()
+        where = after.bodies[np.flatnonzero(after.placed)[(far - was).argmax()]]
+        out.append(_promise("source_position", far.mean(), bar, "mm", where, was.mean()))
+    if after.turned.any():
+        angle, was = (np.degrees(d.orientation[:, d.turned].mean(axis=0)) for d in (after, before))
+        bar = was.mean() + bars("source", "orientation_over_input")
+        where = after.bodies[np.flatnonzero(after.turned)[(angle - was).argmax()]]
+        out.append(_promise("source_orientation", angle.mean(), bar, "deg", where, was.mean()))
+    return out
 
 
 def untouched_promises(

@@ -7,7 +7,6 @@ from gmr_traj.terms.limits import JointAcceleration, JointPosition, JointVelocit
 from gmr_traj.terms.posture import Posture
 from gmr_traj.terms.self_collision import SelfCollision
 from gmr_traj.terms.smoothness import Acceleration, Jerk, Velocity
-from gmr_traj.terms.source_tracking import SourceTracking
 from gmr_traj.terms.stance import StanceAnchor
 from gmr_traj.terms.term import Term
 from gmr_traj.terms.tracking import Tracking
@@ -15,7 +14,6 @@ from gmr_traj.terms.tracking import Tracking
 #: Name in a problem file -> class.
 TERMS: dict[str, type[Term]] = {
     "tracking": Tracking,
-    "source_tracking": SourceTracking,
     "posture": Posture,
     "velocity": Velocity,
     "acceleration": Acceleration,

@@ -30,7 +30,7 @@ class Context:
         schedule: stances.
         visited: motions near which constraint rows must be built: those of earlier passes, so that a row that once
             mattered stays, and last the centre.
-        references: where the source has the bodies, in the world of the target; None where that is not known.
+        references: the source's targets, fitted to the robot; None where they are not known.
     """
 
     robot: Robot

@@ -3,8 +3,9 @@
     phi_t = trust_t sum_b [ k_b rho(|p_b - p*_b|) / position^2 + l_b (3 - tr(R*_b' R_b)) / (2 orientation^2) ] dt
 
 with the pseudo-Huber function ``rho(e) = s^2 (sqrt(1 + e^2 / s^2) - 1)``, quadratic up to about s = ``robust``, and
-the robot's relative weights k_b, l_b.  A frame that the target cannot be trusted in (a jump, the transient of the
-first frames) counts less, so that the smoothness terms carry the motion across it.
+the robot's relative weights k_b, l_b.  The target is the clip, or, where the clip brings them along, the source's
+targets fitted to it (:mod:`~gmr_traj.misfit`).  A frame in which the clip cannot be trusted (a jump, the transient of
+the first frames) counts less, so that the smoothness terms carry the motion across it.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from typing import ClassVar
 
 import casadi as ca
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from gmr_traj.kinematics.casadi_kinematics import CasadiKinematics
 from gmr_traj.residuals import FrameResidual, GaussNewton, Residual
@@ -28,86 +30,59 @@ from gmr_traj.variables import Variables
 class Tracking(Term):
     """Fields: scales of the deviation, ``position`` [m] and ``orientation`` [rad]; ``robust`` [m], see above.
 
-    ``beside_source`` is the share of the weight that is left where the source's own targets are known (term
-    ``source_tracking``): the robot clip is their approximation, with faults.
+    ``source_weight`` is the trust put into targets that come from the source, a human: they have none of the faults of
+    a retargeted clip, so it may be more than 1.
     """
 
     position: float
     orientation: float
     robust: float
-    beside_source: float = 1.0
+    source_weight: float = 1.0
 
     uses: ClassVar[tuple[str, ...]] = ("cost",)
 
     def residuals(self, context: Context, variables: Variables) -> list[Residual]:
         """One residual: all key bodies in all frames."""
         keys = context.robot.key_bodies
+        count, frames = len(keys), context.frames
         slots = [context.robot.body_names.index(key.body) for key in keys]
-        positions, rotations = context.target_placements
-        weight = context.trust * (1.0 if context.references is None else self.beside_source)
-        bodies = TrackedBodies(
-            slots=tuple(slots),
-            points=np.zeros((len(slots), 3)),
-            positions=positions[:, slots],
-            rotations=rotations[:, slots],
-            position_weights=np.outer(weight, [key.position_weight for key in keys]) / self.position**2,
-            orientation_weights=np.outer(weight, [key.orientation_weight for key in keys]) / self.orientation**2,
-        )
-        return [tracking_residual("tracking", context, variables, bodies, self.robust)]
-
-
-@dataclass(frozen=True)
-class TrackedBodies:
-    """What is tracked.
-
-    Attributes:
-        slots: the bodies, as indices into ``robot.body_names``.  # B
-        points: the point of each body, in its frame [m].  # (B, 3)
-        positions: where the points should be [m].  # (T, B, 3)
-        rotations: how the bodies should be turned.  # (T, B, 3, 3)
-        position_weights: [1/m^2].  # (T, B)
-        orientation_weights: [1/rad^2].  # (T, B)
-    """
-
-    slots: tuple[int, ...]
-    points: np.ndarray
-    positions: np.ndarray
-    rotations: np.ndarray
-    position_weights: np.ndarray
-    orientation_weights: np.ndarray
-
-
-def tracking_residual(
-    name: str, context: Context, variables: Variables, bodies: TrackedBodies, robust: float
-) -> FrameResidual:
-    """The cost phi_t above of all frames, as one residual."""
-    frames, count = context.frames, len(bodies.slots)
-    parameters = np.hstack(
-        [
-            context.centre.qpos,
-            bodies.positions.reshape(frames, 3 * count),
-            bodies.rotations.transpose(0, 1, 3, 2).reshape(frames, 9 * count),
-            bodies.position_weights * context.dt,
-            bodies.orientation_weights * context.dt,
+        positions, rotations = (of_bodies[:, slots] for of_bodies in context.target_placements)
+        trust = np.tile(context.trust[:, None], (1, count))
+        points = np.zeros((count, 3))
+        source = context.references
+        for k, key in enumerate(keys):
+            if source is not None and key.body in source.names:
+                b = source.names.index(key.body)
+                positions[:, k], points[k], trust[:, k] = source.positions[:, b], source.points[b], self.source_weight
+                rotations[:, k] = Rotation.from_quat(source.quaternions[:, b], scalar_first=True).as_matrix()
+        weight = trust * context.dt
+        parameters = np.hstack(
+            [
+                context.centre.qpos,
+                positions.reshape(frames, 3 * count),
+                rotations.transpose(0, 1, 3, 2).reshape(frames, 9 * count),
+                weight / self.position**2 * [key.position_weight for key in keys],
+                weight / self.orientation**2 * [key.orientation_weight for key in keys],
+            ]
+        ).T
+        functions = _functions(context.kinematics, tuple(slots), tuple(map(tuple, points.tolist())), self.robust)
+        nothing = np.zeros((1, frames))
+        return [
+            FrameResidual(
+                name="tracking",
+                unit="1",
+                rows=["all key bodies"],
+                frames=np.arange(frames),
+                columns=variables.steps,
+                parameters=parameters,
+                value=functions.value,
+                jacobian=None,
+                lower=nothing,
+                upper=nothing,
+                weights=nothing,
+                gauss_newton=functions,
+            )
         ]
-    ).T
-    points = tuple(map(tuple, bodies.points.tolist()))
-    functions = _functions(context.kinematics, bodies.slots, points, robust)
-    nothing = np.zeros((1, frames))
-    return FrameResidual(
-        name=name,
-        unit="1",
-        rows=["all key bodies"],
-        frames=np.arange(frames),
-        columns=variables.steps,
-        parameters=parameters,
-        value=functions.value,
-        jacobian=None,
-        lower=nothing,
-        upper=nothing,
-        weights=nothing,
-        gauss_newton=functions,
-    )
 
 
 @lru_cache(maxsize=8)

@@ -1,4 +1,4 @@
-"""The human motion that clips are retargets of: when its feet are in contact, where it has the robot's bodies."""
+"""The human motion that a clip is a retarget of: when its feet are in contact, where it has the robot's bodies."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from gmr_traj.robot import Robot
 
 @dataclass(frozen=True)
 class Source:
-    """What the clips are held against.
+    """A human motion as a robot can use it.
 
     Attributes:
         name: what to call it.
