@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from dataclasses import replace
 
 import mink
@@ -12,7 +13,7 @@ from gmr_traj.human_motion import HumanMotion
 from gmr_traj.kinematics.mujoco_kinematics import placements
 from gmr_traj.references import BodyTargets
 from gmr_traj.retarget.body_map import BodyMap
-from gmr_traj.retarget.frame_error import Twists, derivatives
+from gmr_traj.retarget.frame_error import Twists, cross_matrix, turning_slopes
 from gmr_traj.robot import Robot
 
 
@@ -85,32 +86,31 @@ def largest_difference(robot: Robot, a: np.ndarray, b: np.ndarray, turn: float =
     return float(max(root, angle, np.abs(a[:, 7:] - b[:, 7:]).max()))
 
 
-def minks_derivatives(twists: Twists) -> np.ndarray:
-    """The derivatives of the errors with mink's shortcut: where the rotation is below 1e-5 rad, it takes none of it.
+def minks_slopes(twists: Twists) -> np.ndarray:
+    """D of ``frame_error`` with mink's shortcut: where the rotation is below 1e-5 rad, it takes none of it.
 
-    That drops a term of first order in the position error, ``[d] / 2``: a wrist that has reached its orientation.
+    The coupling ``A [d] - D A`` is then zero, and not ``[d] / 2``: as for a wrist that has reached its orientation.
     """
-    out = derivatives(twists)
-    out[(twists.w**2).sum(axis=1) < 1e-10] = -np.eye(6)
+    out = turning_slopes(twists)
+    none = (twists.w**2).sum(axis=1) < 1e-10
+    out[none] = cross_matrix(twists.d)[none]
     return out
 
 
-def plain_gmr_loop(robot: Robot, body_map: BodyMap, targets: BodyTargets, ranged: bool = False) -> np.ndarray:
-    """GMR's published loop, with mink as it comes: all errors computed for themselves, limits of the model.
+def plain_gmr_loop(robot: Robot, body_map: BodyMap, targets: BodyTargets, published: bool = False) -> np.ndarray:
+    """GMR's loop with mink, in a model with the map's joint ranges.
 
     Args:
         robot: the robot.
-        body_map: bodies (their origins only) and costs.
+        body_map: bodies (their origins only), costs, joint ranges.
         targets: what to follow.
-        ranged: narrow the model's joint ranges to the map's.
+        published: hand the limits over as GMR's code does, where mink does not see them and makes its own in each step:
+            the same limits, but slower.
     """
-    model = robot.model
-    saved = model.jnt_range.copy()
-    if ranged:
-        for joint, limits in body_map.joint_ranges.items():
-            model.jnt_range[model.joint(joint).id] = limits
+    model = copy.copy(robot.model)
+    for joint, ends in body_map.joint_ranges.items():
+        model.jnt_range[model.joint(joint).id] = ends
     limits = [mink.ConfigurationLimit(model)]
-    model.jnt_range[:] = saved
     stages = [
         [mink.FrameTask(t.body, "body", *(t.stage_one, t.stage_two)[k], lm_damping=1.0) for t in body_map.targets]
         for k in (0, 1)
@@ -125,7 +125,8 @@ def plain_gmr_loop(robot: Robot, body_map: BodyMap, targets: BodyTargets, ranged
 
     def solve(tasks: list[mink.FrameTask]) -> None:
         dt = model.opt.timestep
-        velocity = mink.solve_ik(configuration, tasks, dt, "daqp", damping=0.5, limits=limits)
+        handed = (limits,) if published else (False, limits)
+        velocity = mink.solve_ik(configuration, tasks, dt, "daqp", 0.5, *handed)
         configuration.integrate_inplace(velocity, dt)
 
     out = []

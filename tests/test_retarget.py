@@ -6,12 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from retarget_setup import cut, dance, human_of, largest_difference, minks_derivatives, plain_gmr_loop
+from conftest import TEST_DATA
+from retarget_setup import cut, dance, human_of, largest_difference, minks_slopes, plain_gmr_loop
 from scipy.spatial.transform import Rotation
 
 from gmr_traj.exceptions import GmrTrajError, MapError
 from gmr_traj.human_motion import HumanMotion
 from gmr_traj.metrics.observation import observe
+from gmr_traj.motion import RobotMotion
 from gmr_traj.retarget import inverse_kinematics
 from gmr_traj.retarget.body_map import BodyMap, load_map
 from gmr_traj.retarget.retarget import Retargeted, retarget
@@ -154,11 +156,11 @@ def test_joint_ranges_of_the_map_hold(g1: Robot, lafan1: BodyMap, human: HumanMo
 
 def test_gmr_code_is_gmrs_loop(g1: Robot, lafan1: BodyMap, human: HumanMotion, monkeypatch: pytest.MonkeyPatch):
     noisy = cut(human, 0, 12, noise=NOISE)
-    plain = plain_gmr_loop(g1, lafan1, scaled_targets(noisy, lafan1, height=1.75), ranged=True)
+    plain = plain_gmr_loop(g1, lafan1, scaled_targets(noisy, lafan1, height=1.75))
     result = retarget(noisy, g1, lafan1, method="gmr-code")
     assert result.raised == 0.0
     assert largest_difference(g1, plain, result.motion.qpos) < 3e-3  # what its tolerance leaves open
-    monkeypatch.setattr(inverse_kinematics, "derivatives", minks_derivatives)
+    monkeypatch.setattr(inverse_kinematics, "turning_slopes", minks_slopes)
     assert largest_difference(g1, plain, retarget(noisy, g1, lafan1, method="gmr-code").motion.qpos) < 1e-7
 
 
@@ -216,3 +218,14 @@ def test_wrong_calls_are_errors(g1: Robot, lafan1: BodyMap, human: HumanMotion):
     with pytest.raises(MapError, match="the motion has no joint 'LeftToe'; it has Hips"):
         retarget(other, g1, lafan1)
     assert retarget(cut(replace(human, rig="unknown"), 0, 2), g1, lafan1).motion.frames == 2
+
+
+def test_another_robot_follows_too(talos: Robot):
+    body_map = load_map(TEST_DATA / "talos" / "lafan1_to_talos.toml", talos)
+    expected = dance(talos, frames=8)
+    result = retarget(human_of(talos, body_map, expected, height=1.75), talos, body_map)
+    seen, meant = observe(result.motion, talos), observe(RobotMotion(expected, 30.0, talos.joint_names), talos)
+    for body in body_map.bodies:
+        b = talos.body_names.index(body)
+        off = seen.positions[:, b] - [0, 0, result.raised] - meant.positions[:, b]
+        assert np.linalg.norm(off, axis=1).max() < 5e-3, body

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from gmr_traj.exceptions import RobotError, SolverError
 from gmr_traj.retarget.body_map import load_map
-from gmr_traj.retarget.frame_error import cross_matrix, derivatives, rotation_vectors, twists
+from gmr_traj.retarget.frame_error import Twists, cross_matrix, relative_to, turning_slopes, twists
 from gmr_traj.retarget.inverse_kinematics import InverseKinematics, Stage
 from gmr_traj.robot import Robot
 
@@ -31,9 +31,17 @@ def errors_between(angle: float, seed: int) -> tuple[Rotation, np.ndarray, Rotat
     return body, rng.normal(size=(COUNT, 3)), body * Rotation.from_rotvec(angle * axes), rng.normal(size=(COUNT, 3))
 
 
-def twist(body: Rotation, p: np.ndarray, target: Rotation, at: np.ndarray):
-    w = rotation_vectors(body.as_quat(scalar_first=True), target.as_quat(scalar_first=True))
-    return twists(w, body.inv().apply(at - p))
+def twist(body: Rotation, p: np.ndarray, target: Rotation, at: np.ndarray) -> Twists:
+    way = relative_to(target.as_quat(scalar_first=True)) @ body.as_quat(scalar_first=True)[:, :, None]
+    return twists(way[:, :, 0], body.inv().apply(at - p))
+
+
+def derivatives(found: Twists) -> np.ndarray:
+    """The module's formula for de/d(v, o).  # (B, 6, 6)"""
+    out = np.zeros((COUNT, 6, 6))
+    out[:, :3, :3] = out[:, 3:, 3:] = -found.A
+    out[:, :3, 3:] = found.A @ cross_matrix(found.d) - turning_slopes(found) @ found.A
+    return out
 
 
 @pytest.mark.parametrize("angle", ANGLES)
@@ -75,11 +83,19 @@ def test_the_error_is_the_twist_that_leads_to_the_target(seed: int, angle: float
         assert (body[b] * Rotation.from_matrix(T[:3, :3]) * target[b].inv()).magnitude() < 1e-7
 
 
-def test_rotation_vectors_take_the_shorter_way_whatever_the_quaternions_sign():
+def test_errors_take_the_shorter_way_whatever_the_quaternions_sign():
     body, target = Rotation.random(COUNT, random_state=3), Rotation.random(COUNT, random_state=4)
+    way = (body.inv() * target).as_quat(scalar_first=True)
     for sign in (1.0, -1.0):
-        w = rotation_vectors(body.as_quat(scalar_first=True), sign * target.as_quat(scalar_first=True))
-        np.testing.assert_allclose(w, (body.inv() * target).as_rotvec(), atol=1e-12)
+        np.testing.assert_allclose(twists(sign * way, np.zeros((COUNT, 3))).w, (body.inv() * target).as_rotvec())
+
+
+@given(st.integers(0, 10_000))
+def test_relative_to_is_the_product_of_quaternions(seed: int):
+    body, target = (Rotation.random(COUNT, random_state=seed + k) for k in (0, 1))
+    way = relative_to(target.as_quat(scalar_first=True)) @ body.as_quat(scalar_first=True)[:, :, None]
+    found = Rotation.from_quat(way[:, :, 0], scalar_first=True)
+    assert ((body.inv() * target) * found.inv()).magnitude().max() < 1e-12
 
 
 @pytest.fixture(scope="module")
@@ -89,7 +105,8 @@ def problem(g1: Robot):
     rng = np.random.default_rng(0)
     points = rng.normal(scale=0.1, size=(len(body_map.bodies), 3))
     ik = InverseKinematics(g1, body_map.bodies, points, damping=0.5, lm_damping=1.0)
-    ik.aim(rng.normal(size=points.shape), Rotation.random(len(points), random_state=1).as_quat(scalar_first=True))
+    turned = Rotation.random(len(points), random_state=1).as_quat(scalar_first=True)
+    ik.aim(rng.normal(size=points.shape), turned)
     return ik, Stage(body_map.costs(2)), random_configurations(g1, 1, 7)[0]
 
 

@@ -40,7 +40,7 @@ def run(arguments: MakeMap) -> int:
         outputs.check(target, given, arguments.force)
     robot = load_robot(arguments.robot)
     draft = load_map(draft_file, robot, draft=True)
-    human = read_human(arguments.file, up=arguments.up, unit=arguments.unit)
+    human = read_human(arguments.file, up=arguments.up, unit=arguments.unit, rig=arguments.rig)
     if arguments.frame is None and arguments.up is None:
         raise MapError(
             f"{arguments.file}: which of the file's axes is up at zero rotations? Say so with --up y or --up z, or "

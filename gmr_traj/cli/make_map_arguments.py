@@ -34,6 +34,9 @@ class MakeMap(Subcommand):
     output: Annotated[Path | None, named("PATH", "<stem>_map.toml beside the draft")] = None
     """File to write."""
 
+    rig: Annotated[str | None, named("NAME", "by the names of the joints")] = None
+    """Whose joint names and joint frames the motion has: lafan1, xsens, cmu, smplx, smpl, deepmimic, or your own."""
+
     up: Annotated[Literal["y", "z"] | None, named("y|z", "decided from the motion")] = None
     """Which axis of the motion's file points up; needed where no frame is named."""
 

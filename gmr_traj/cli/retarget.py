@@ -67,6 +67,7 @@ def run(arguments: Retarget) -> int:
         up=arguments.up,
         unit=arguments.unit,
         body_model=arguments.body_model,
+        rig=arguments.rig,
     )
     with _about(file):
         name = arguments.map or default_map_name(human.rig, robot.name)

@@ -39,6 +39,9 @@ class Retarget(Subcommand):
     format: Annotated[Format, FORMAT] = "gmr-traj"
     """Format of the output; all but gmr-traj leave the scaled human targets out."""
 
+    rig: Annotated[str | None, named("NAME", "by the names of the joints")] = None
+    """Whose joint names and joint frames the motion has: lafan1, xsens, cmu, smplx, smpl, deepmimic, or your own."""
+
     fps: Annotated[float | None, named("HZ", "what the file says")] = None
     """Frames per second of the motion."""
 

@@ -18,38 +18,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-# Below this angle [rad] the coefficients come from their series, which are exact to rounding there.
-_SMALL = 0.05
+# Where |w| is smaller, the coefficients c and dc/d|w| are taken at this angle [rad].  They are constant there to 1e-9,
+# and rounding, which grows towards zero, is still small after the powers of w that they are multiplied with.
+_LEAST = 1e-4
 # S(x) = [x], the matrix of the cross product, as a row vector times this: x @ _CROSS -> nine elements, row by row.
 _CROSS = np.zeros((3, 9))
 for _i, _j, _k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
     _CROSS[_i, 3 * _k + _j], _CROSS[_i, 3 * _j + _k] = 1.0, -1.0
 _EYE = np.eye(3)
-
-
-def cross_matrix(x: np.ndarray) -> np.ndarray:
-    """``[x]`` with ``[x] y = x cross y``, ``(B, 3, 3)`` for vectors ``(B, 3)``."""
-    return (x @ _CROSS).reshape(-1, 3, 3)
-
-
-def rotation_vectors(body: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """``w = log(R' R_t)``, the shorter way round [rad].
-
-    Args:
-        body: orientations of the bodies, unit quaternions wxyz.  # (B, 4)
-        target: orientations of the targets.  # (B, 4)
-
-    Returns:
-        Rotation vectors in the bodies' axes.  # (B, 3)
-    """
-    bw, bv, tw, tv = body[:, :1], body[:, 1:], target[:, :1], target[:, 1:]
-    real = bw * tw + (bv * tv).sum(axis=1, keepdims=True)  # (B, 1)
-    imaginary = bw * tv - tw * bv - np.matmul(cross_matrix(bv), tv[:, :, None])[:, :, 0]  # (B, 3)
-    norm = np.sqrt((imaginary * imaginary).sum(axis=1, keepdims=True))
-    angle = 2.0 * np.arctan2(norm, np.abs(real))
-    # sin(x)/x is 1 to rounding below 1e-8, where the quotient would be 0/0.
-    factor = np.where(norm > 1e-8, angle / np.maximum(norm, 1e-8), 2.0)
-    return np.where(real < 0.0, -factor, factor) * imaginary
 
 
 class Twists(NamedTuple):
@@ -60,8 +36,8 @@ class Twists(NamedTuple):
         w: rotation vectors from body to target, in the body's axes [rad].  # (B, 3)
         d: positions of the targets in the bodies' frames [m].  # (B, 3)
         A: A(w).  # (B, 3, 3)
-        c: coefficient of its last term.  # (B, 1, 1)
-        slope: (dc/d|w|) / |w|.  # (B, 1, 1)
+        c: coefficient of its last term.  # (B, 1)
+        slope: (dc/d|w|) / |w|.  # (B, 1)
     """
 
     e: np.ndarray
@@ -72,44 +48,62 @@ class Twists(NamedTuple):
     slope: np.ndarray
 
 
-def twists(w: np.ndarray, d: np.ndarray) -> Twists:
-    """The errors ``e = (A(w) d, w)``.
+def cross_matrix(x: np.ndarray) -> np.ndarray:
+    """``[x]`` with ``[x] y = x cross y``, ``(B, 3, 3)`` for vectors ``(B, 3)``."""
+    return (x @ _CROSS).reshape(-1, 3, 3)
+
+
+def relative_to(quaternions: np.ndarray) -> np.ndarray:
+    """Matrices L of target orientations t, wxyz, that turn a body's orientation b into the way there: ``L b = b* t``.
 
     Args:
-        w: rotation vectors from body to target, in the bodies' axes [rad].  # (B, 3)
+        quaternions: orientations t, of unit length.  # (..., 4)
+
+    Returns:
+        L.  # (..., 4, 4)
+    """
+    w, x, y, z = np.moveaxis(np.asarray(quaternions), -1, 0)
+    rows = [[w, x, y, z], [x, -w, -z, y], [y, z, -w, -x], [z, -y, x, -w]]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def twists(way: np.ndarray, d: np.ndarray) -> Twists:
+    """The errors ``e = (A(w) d, w)``, the shorter way round.
+
+    Args:
+        way: orientations of the targets in the bodies' axes, unit quaternions wxyz.  # (B, 4)
         d: positions of the targets in the bodies' frames [m].  # (B, 3)
     """
-    square = (w * w).sum(axis=1)
-    angle = np.sqrt(square)
-    small = angle < _SMALL
-    a = np.where(small, 1.0, angle)
-    cot = 1.0 / np.tan(0.5 * a)
-    inverse = 1.0 / a
+    real, imaginary = way[:, :1], way[:, 1:]
+    sine = np.sqrt((imaginary * imaginary).sum(axis=1, keepdims=True))
+    angle = 2.0 * np.arctan2(sine, np.abs(real))
+    # Below 1e-8 angle / sine is 2 to rounding, and the quotient would come to 0/0.
+    w = imaginary * np.copysign(np.where(sine > 1e-8, angle / np.maximum(sine, 1e-8), 2.0), real)
+    inverse = 1.0 / np.maximum(angle, _LEAST)
+    cot = 1.0 / np.tan(0.5 / inverse)
     c = inverse * (inverse - 0.5 * cot)
     # dc/da = -2/a^3 + cot/(2 a^2) + 1/(4 a sin^2), with 1/sin^2 = 1 + cot^2
     slope = inverse * inverse * (inverse * (0.5 * cot - 2.0 * inverse) + 0.25 * (1.0 + cot * cot))
-    if small.any():
-        c = np.where(small, 1 / 12 + square * (1 / 720 + square / 30240), c)
-        slope = np.where(small, 1 / 360 + square * (1 / 7560 + square / 201600), slope)
-    c, slope = c[:, None, None], slope[:, None, None]
     cross = cross_matrix(w)
-    A = _EYE - 0.5 * cross + c * np.matmul(cross, cross)
+    A = _EYE - 0.5 * cross + c[:, :, None] * np.matmul(cross, cross)
     e = np.empty((len(w), 6))
     e[:, :3] = np.matmul(A, d[:, :, None])[:, :, 0]
     e[:, 3:] = w
     return Twists(e, w, d, A, c, slope)
 
 
-def derivatives(twists: Twists) -> np.ndarray:
-    """How the errors change with the bodies' own twists: de/d(v, o).  # (B, 6, 6)"""
-    _, w, d, A, c, slope = twists
-    # A(w) d = d - w x d / 2 + c w x (w x d),  w x (w x d) = w (w.d) - d |w|^2
-    along = (w * d).sum(axis=1)[:, None]
-    twice = w * along - d * (w * w).sum(axis=1)[:, None]
-    outer = w[:, :, None] * d[:, None, :] - 2.0 * d[:, :, None] * w[:, None, :]
-    cross = cross_matrix(d)
-    D = 0.5 * cross + c * (along[:, :, None] * _EYE + outer) + slope * twice[:, :, None] * w[:, None, :]
-    out = np.zeros((len(w), 6, 6))
-    out[:, :3, :3] = out[:, 3:, 3:] = -A
-    out[:, :3, 3:] = np.matmul(A, cross) - np.matmul(D, A)
-    return out
+def turning_slopes(twists: Twists) -> np.ndarray:
+    """D, how the linear part of the errors changes with w while d is held.  # (B, 3, 3)
+
+    From ``A(w) d = d - w x d / 2 + c (w (w.d) - d |w|^2)``.
+    """
+    _, w, d, _, c, slope = twists
+    along = (w * d).sum(axis=1, keepdims=True)
+    cw = c * w
+    slopes = cross_matrix(0.5 * d)
+    slopes += cw[:, :, None] * d[:, None, :]
+    # Two terms are columns times w': (slope (w (w.d) - d |w|^2) - 2 c d) w'
+    column = (slope * along) * w - (slope * (w * w).sum(axis=1, keepdims=True) + 2.0 * c) * d
+    slopes += column[:, :, None] * w[:, None, :]
+    slopes += (c * along)[:, :, None] * _EYE
+    return slopes

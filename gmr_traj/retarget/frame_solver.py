@@ -90,10 +90,10 @@ class FrameSolver:
         self.steps = 0
         self.lower, self.upper = joint_limits(robot, body_map.joint_ranges)
         self._options, self._value, self._ended = options, value, ended
-        self._stages = tuple(Stage(body_map.costs(stage)) for stage in (1, 2))
         self._ik = InverseKinematics(
             robot, body_map.bodies, body_map.points, damping=settings.damping, lm_damping=settings.lm_damping
         )
+        self._stages = tuple(Stage(body_map.costs(stage)) for stage in (1, 2))
         factor = options.velocity_limit
         self._reach = None if factor is None else factor * robot.velocity_limit / fps
         self._step_lower = np.full(robot.model.nv, -_UNBOUNDED)

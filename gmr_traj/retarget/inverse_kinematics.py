@@ -20,22 +20,8 @@ import numpy as np
 
 from gmr_traj.exceptions import SolverError
 from gmr_traj.kinematics.mujoco_kinematics import body_id
-from gmr_traj.retarget.frame_error import Twists, cross_matrix, derivatives, rotation_vectors, twists
+from gmr_traj.retarget.frame_error import Twists, cross_matrix, relative_to, turning_slopes, twists
 from gmr_traj.robot import Robot
-
-
-class Placement(NamedTuple):
-    """Where the bodies are at one configuration, and how far from their targets.
-
-    Attributes:
-        rotations: of the bodies.  # (B, 3, 3)
-        positions: of the bodies' points [m].  # (B, 3)
-        errors: how far they are from the targets.
-    """
-
-    rotations: np.ndarray
-    positions: np.ndarray
-    errors: Twists
 
 
 class Stage:
@@ -43,13 +29,31 @@ class Stage:
 
     Args:
         costs: (position, orientation) cost of every body.  # (B, 2)
+
+    Attributes:
+        costs: one a component of the errors.  # (B, 6)
+        rows: which components of all bodies' errors weigh anything.  # (N,)
+        column: their costs.  # (N, 1)
+        bodies: whose they are.  # (N,)
     """
 
     def __init__(self, costs: np.ndarray) -> None:
-        six = np.repeat(np.asarray(costs, dtype=float), 3, axis=1)  # (B, 6)
-        self.costs = six
-        self.rows = np.flatnonzero(six.ravel())  # rows that weigh anything
-        self.column = six.ravel()[self.rows][:, None]
+        self.costs = np.repeat(np.asarray(costs, dtype=float), 3, axis=1)
+        self.rows = np.flatnonzero(self.costs)
+        self.column = self.costs.ravel()[self.rows][:, None]
+        self.bodies = self.rows // 6
+
+
+class Placement(NamedTuple):
+    """Where the bodies are at one configuration, and how far from their targets.
+
+    Attributes:
+        rotations: of the bodies.  # (B, 3, 3)
+        errors: how far they are from the targets.
+    """
+
+    rotations: np.ndarray
+    errors: Twists
 
 
 class InverseKinematics:
@@ -72,53 +76,52 @@ class InverseKinematics:
         self.model = robot.model
         self.damping, self.lm_damping = damping, lm_damping
         self._data = mujoco.MjData(self.model)
+        # Views of MuJoCo's arrays, which stay where they are.
+        self._xmat, self._xpos, self._xquat = self._data.xmat, self._data.xpos, self._data.xquat
+        self._axes, self._centre, self._qpos = self._data.cdof, self._data.subtree_com[1], self._data.qpos
         self._ids = np.array([body_id(robot, body) for body in bodies])
         self._points = np.asarray(points, dtype=float)[:, :, None] if np.any(points) else None
-        # Which components of the tangent move which body: (B, 1, nv)
-        moves = np.zeros((len(bodies), self.model.nv))
+        # Which components of the tangent move which body: (B, nv)
+        self._moves = np.zeros((len(bodies), self.model.nv))
         for b, body in enumerate(self._ids):
             while body:
                 first = self.model.body_dofadr[body]
-                moves[b, first : first + self.model.body_dofnum[body]] = 1.0
+                self._moves[b, first : first + self.model.body_dofnum[body]] = 1.0
                 body = self.model.body_parentid[body]
-        self._moves = moves[:, None, :]
-        # Linear velocity of the world's origin, then angular velocity, for each component of the tangent: (6, nv)
-        self._axes = np.zeros((6, self.model.nv))
-        self._axes[:3, :3] = np.eye(3)
         self._nothing = np.zeros((0, self.model.nv))
         self._sense = np.zeros(self.model.nv, dtype=c_int)
-        self.position, self.quaternion = np.zeros((len(bodies), 3)), np.zeros((len(bodies), 4))
+        self.aim(np.zeros((len(bodies), 3)), np.tile([1.0, 0.0, 0.0, 0.0], (len(bodies), 1)))
 
     def aim(self, positions: np.ndarray, quaternions: np.ndarray) -> None:
         """Set the targets: positions of the points [m]  # (B, 3), unit quaternions wxyz  # (B, 4)."""
-        self.position, self.quaternion = positions, quaternions
+        self._position, self._relative = positions, relative_to(quaternions)
 
     def place(self, q: np.ndarray) -> Placement:
         """Evaluate the kinematics at a configuration.  # (nq,)"""
-        data = self._data
-        data.qpos[:] = q
-        mujoco.mj_kinematics(self.model, data)
-        rotations = data.xmat[self._ids].reshape(-1, 3, 3)
-        positions = data.xpos[self._ids]
+        self._qpos[:] = q
+        mujoco.mj_kinematics(self.model, self._data)
+        rotations = self._xmat[self._ids].reshape(-1, 3, 3)
+        positions = self._xpos[self._ids]
         if self._points is not None:
             positions = positions + np.matmul(rotations, self._points)[:, :, 0]
-        w = rotation_vectors(data.xquat[self._ids], self.quaternion)
-        d = np.matmul((self.position - positions)[:, None, :], rotations)[:, 0]
-        return Placement(rotations, positions, twists(w, d))
+        way = np.matmul(self._relative, self._xquat[self._ids][:, :, None])[:, :, 0]
+        d = np.matmul((self._position - positions)[:, None, :], rotations)[:, 0]
+        return Placement(rotations, twists(way, d))
 
     def objective(self, placement: Placement, stage: Stage) -> tuple[np.ndarray, np.ndarray]:
         """Hessian  # (nv, nv) and gradient  # (nv,) of the program at the configuration placed last."""
-        e, derivative = placement.errors.e, derivatives(placement.errors)
-        # In the world: (v, o) = (R' (m + a x p), R' a) for a joint with axis a and moment m = anchor x a.
-        # So the rows of J are those of [M R', N R' - M R' [p]] times the axes, with (M, N) = de/d(v, o).
-        back = placement.rotations.transpose(0, 2, 1)
-        rows = np.empty_like(derivative)
-        rows[:, :, :3] = np.matmul(derivative[:, :, :3], back)
-        rows[:, :, 3:] = np.matmul(derivative[:, :, 3:], back)
-        rows[:, :, 3:] -= np.matmul(rows[:, :, :3], cross_matrix(placement.positions))
-        J = (rows.reshape(-1, 6) @ self._world_axes()).reshape(len(e), 6, -1) * self._moves
-        weighted = stage.column * J.reshape(6 * len(e), -1)[stage.rows]
-        error = stage.column[:, 0] * e.ravel()[stage.rows]
+        mujoco.mj_comPos(self.model, self._data)
+        # MuJoCo's axes are (o, v) of a point that goes along with the body at the robot's centre of mass c, so that a
+        # body at p has R' (v + o x (p - c)) and R' o in its own axes.  With M = A R' and D as in `frame_error`,
+        # A [d] R' = M [p_t - p], and the rows of J are (M [p_t - c] - D M, -M) and (-M, 0) times the axes.
+        M = np.matmul(placement.errors.A, placement.rotations.transpose(0, 2, 1))
+        rows = np.zeros((len(M), 6, 6))
+        rows[:, :3, :3] = np.matmul(M, cross_matrix(self._position - self._centre))
+        rows[:, :3, :3] -= np.matmul(turning_slopes(placement.errors), M)
+        rows[:, :3, 3:] = rows[:, 3:, :3] = -M
+        weighted = (stage.column * rows.reshape(-1, 6)[stage.rows]) @ self._axes.T
+        weighted *= self._moves[stage.bodies]
+        error = stage.column[:, 0] * placement.errors.e.ravel()[stage.rows]
         H = weighted.T @ weighted
         H.flat[:: len(H) + 1] += self.damping + self.lm_damping * float(error @ error)
         return H, error @ weighted
@@ -145,14 +148,3 @@ class InverseKinematics:
         out = q.copy()
         mujoco.mj_integratePos(self.model, out, dq, 1.0)
         return out
-
-    def _world_axes(self) -> np.ndarray:
-        data, axes = self._data, self._axes
-        base = data.xmat[1].reshape(3, 3)
-        axes[3:, 3:6] = base
-        axes[3:, 6:] = data.xaxis[1:].T
-        axes[:3, 3:6] = cross_matrix(data.xpos[1:2])[0] @ base
-        anchors, hinges = data.xanchor[1:].T, axes[3:, 6:]
-        for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-            axes[i, 6:] = anchors[j] * hinges[k] - anchors[k] * hinges[j]
-        return axes
