@@ -33,9 +33,10 @@ def outcome(monkeypatch):
     """Stands in for the solve: hands the clip back standing on the floor, with the status and the fault wanted."""
     wanted = SimpleNamespace(status="converged", fault=0.0, held=None, calls=[])
 
-    def refine(motion, robot, problem, *, schedule=None, window=None, overlap=None, progress=None):
-        wanted.calls.append(SimpleNamespace(schedule=schedule, window=window, overlap=overlap, motion=motion))
-        schedule = schedule or detect(motion, robot)
+    def refine(motion, robot, problem, *, schedule, references, source_stances, window, overlap, progress):
+        given = {"schedule": schedule, "references": references, "source_stances": source_stances}
+        wanted.calls.append(SimpleNamespace(window=window, overlap=overlap, motion=motion, **given))
+        schedule = schedule or detect(motion, robot, source=source_stances)
         levelled = motion.shifted(schedule.height)
         report = SimpleNamespace(
             status=wanted.status,

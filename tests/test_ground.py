@@ -39,6 +39,15 @@ def heights(robot: Robot, motion: RobotMotion, name: str) -> np.ndarray:
     return world[..., 2].T - radius
 
 
+def sole_height(robot: Robot, motion: RobotMotion, name: str) -> np.ndarray:
+    """Height of the sole of the foot that a capsule is of; infinite for other shapes.  # (T,)"""
+    body = next((c.body for c in robot.capsules if c.name == name), "")
+    sole = next((s for s in robot.soles if s.body == body), None)
+    if sole is None:
+        return np.full(motion.frames, np.inf)
+    return heights(robot, motion, f"{sole.name} sole").min(axis=0)
+
+
 @pytest.mark.parametrize("name", ["toy", "g1"])
 def test_rows_are_heights(request: pytest.FixtureRequest, name: str) -> None:
     robot = toy() if name == "toy" else request.getfixturevalue(name)
@@ -54,8 +63,9 @@ def test_rows_are_heights(request: pytest.FixtureRequest, name: str) -> None:
         shape = residual.name.removeprefix("ground/")
         np.testing.assert_allclose(values(residual, x), heights(robot, after, shape)[:, residual.frames], atol=1e-9)
         before = heights(robot, motion, shape)[:, residual.frames]
-        np.testing.assert_array_equal(np.isfinite(residual.lower), before < TERM.near)
-        assert np.isposinf(residual.upper).all() and set(residual.lower[before < TERM.near]) == {TERM.clearance}
+        built = (before < TERM.near) & (before < sole_height(robot, motion, shape)[residual.frames] - 0.001)
+        np.testing.assert_array_equal(np.isfinite(residual.lower), built)
+        assert np.isposinf(residual.upper).all() and set(residual.lower[built]) == {TERM.clearance}
     for residual in found[:3]:
         assert isinstance(residual, FrameResidual)
         assert jacobian_error(residual, x) < 1e-8
@@ -74,6 +84,16 @@ def test_every_shape_and_frame_near_the_floor_has_rows_and_no_other() -> None:
         "ground/torso": {5},
         "ground/arm": {5},
     }
+
+
+def test_a_foot_on_its_side_rests_on_its_capsule() -> None:
+    """Turned by a right angle the toy's right leg lies on its capsule, 5 cm thick."""
+    qpos = standing(3)
+    qpos[:, 2], qpos[:, 3:7] = 0.14, [np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0]
+    found, _ = residuals_of(TERM, context_of(toy(), clip(qpos)))
+    rows = {r.name: values(r, np.zeros(27)).min() for r in found}
+    assert rows["ground/right_leg"] == pytest.approx(0.14 - 0.1 - 0.05)
+    assert rows["ground/right sole"] == pytest.approx(0.14 - 0.1)
 
 
 def test_rows_near_any_visited_motion_stay() -> None:

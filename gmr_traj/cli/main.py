@@ -14,7 +14,7 @@ from typing import Annotated
 import tyro
 
 from gmr_traj._version import __version__
-from gmr_traj.cli import arguments, compare_arguments, make_map_arguments, retarget_arguments
+from gmr_traj.cli import arguments, compare_arguments, make_map_arguments, refine_arguments, retarget_arguments
 from gmr_traj.cli.exit_codes import ExitCode, table
 from gmr_traj.exceptions import GmrTrajError
 from gmr_traj.memory import keep_freed
@@ -27,7 +27,7 @@ exit codes:
 {table()}"""
 
 Command = (
-    Annotated[arguments.Refine, tyro.conf.subcommand("refine")]
+    Annotated[refine_arguments.Refine, tyro.conf.subcommand("refine")]
     | Annotated[arguments.Inspect, tyro.conf.subcommand("inspect")]
     | Annotated[arguments.Bench, tyro.conf.subcommand("bench")]
     | Annotated[retarget_arguments.Retarget, tyro.conf.subcommand("retarget")]

@@ -7,19 +7,19 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from gmr_traj import atomic
 from gmr_traj._version import __version__
 from gmr_traj.cli import outputs, tables
 from gmr_traj.cli.exit_codes import ExitCode
-from gmr_traj.cli.loading import load
+from gmr_traj.cli.human_input import start
 from gmr_traj.cli.terminal import console, progress
 from gmr_traj.collision.audit import audit
 from gmr_traj.contacts import schedule_json
 from gmr_traj.contacts.schedule import ContactSchedule
+from gmr_traj.contacts.source_level import source_height
 from gmr_traj.exceptions import ScheduleError
 from gmr_traj.formats import Clip, read_clip, write_clip
+from gmr_traj.formats.human import is_human
 from gmr_traj.interrupts import passed_on
 from gmr_traj.metrics import Certificate, certify
 from gmr_traj.motion import RobotMotion
@@ -28,7 +28,7 @@ from gmr_traj.refine import Refinement, refine
 from gmr_traj.robot import Robot
 
 if TYPE_CHECKING:
-    from gmr_traj.cli.arguments import Refine
+    from gmr_traj.cli.refine_arguments import Refine
 
 
 def run(arguments: Refine) -> int:
@@ -40,16 +40,20 @@ def run(arguments: Refine) -> int:
     Raises:
         GmrTrajError: anything the user can put right; nothing was written then.
     """
-    planned = outputs.plan(arguments.clip, arguments.output, arguments.format, arguments.save_contacts, arguments.force)
-    clip, robot = load(arguments.clip, arguments)
+    file_format = arguments.format or ("gmr-traj" if is_human(arguments.clip) else None)
+    planned = outputs.plan(arguments.clip, arguments.output, file_format, arguments.save_contacts, arguments.force)
     problem = load_problem(arguments.problem)
-    schedule = _given_schedule(arguments.contacts, clip, robot)
     with progress(not arguments.quiet) as callback, passed_on():
+        begun = start(arguments, callback)
+        clip, robot = begun.clip, begun.robot
+        schedule = _given_schedule(arguments.contacts, clip, robot)
         refinement = refine(
             clip.motion,
             robot,
             problem,
             schedule=schedule,
+            references=clip.references,
+            source_stances=begun.stances,
             window=arguments.window,
             overlap=arguments.overlap,
             progress=callback,
@@ -57,11 +61,13 @@ def run(arguments: Refine) -> int:
     converged = refinement.report.status != "not converged"
     target = planned.clip if converged else planned.unconverged
     with outputs.staged(target) as staged:
-        write_clip(_refined(clip, refinement), staged, format=arguments.format, robot=robot)
+        write_clip(_refined(clip, refinement, robot), staged, format=arguments.format, robot=robot)
         # Measured on the file as it was written, read back, not on what was meant to be written.
         written = read_clip(staged, robot, format=arguments.format or clip.format, fps=clip.motion.fps).motion
         schedule = refinement.schedule
-        certificate = certify(clip.motion, written, robot, schedule, levelling=schedule.height)
+        certificate = certify(
+            clip.motion, written, robot, schedule, levelling=schedule.height, references=clip.references
+        )
         code = _exit_code(converged, certificate)
         report = _report(arguments, target, clip, refinement, certificate, code)
         report["audit"] = _audit(written, robot)
@@ -90,12 +96,11 @@ def _given_schedule(path: Path | None, clip: Clip, robot: Robot) -> ContactSched
         raise ScheduleError(f"{path}: {error}") from error
 
 
-def _refined(clip: Clip, refinement: Refinement) -> Clip:
-    """The clip to write: the refined motion, and what is in the input's world raised as the motion was."""
-    height = refinement.schedule.height
+def _refined(clip: Clip, refinement: Refinement, robot: Robot) -> Clip:
+    """The clip to write: the refined motion, its schedule, and the source's targets on the same floor."""
     references = clip.references
     if references is not None:
-        references = replace(references, positions=references.positions + np.array([0.0, 0.0, height]))
+        references = references.raised(source_height(references, robot, refinement.schedule))
     # The written motion stands on the floor already, so its schedule has nothing left to raise.
     schedule = replace(refinement.schedule, height=0.0)
     return replace(clip, motion=refinement.motion, schedule=schedule, references=references)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,12 +11,11 @@ from typing import TYPE_CHECKING, Any
 from gmr_traj._version import __version__
 from gmr_traj.cli import outputs
 from gmr_traj.cli.exit_codes import ExitCode
+from gmr_traj.cli.human_input import retargeted_clip
+from gmr_traj.cli.human_options import about
 from gmr_traj.cli.terminal import console, progress
-from gmr_traj.exceptions import MapError
-from gmr_traj.formats import Clip, write_clip
-from gmr_traj.formats.human import read_human
+from gmr_traj.formats import write_clip
 from gmr_traj.human_motion import HumanMotion
-from gmr_traj.retarget.body_map import default_map_name, load_map
 from gmr_traj.retarget.retarget import Retargeted, retarget
 from gmr_traj.robot_loading import load_robot
 
@@ -60,20 +57,10 @@ def run(arguments: Retarget) -> int:
     target = arguments.output or file.with_name(f"{file.stem}_retargeted{outputs.SUFFIXES[arguments.format]}")
     outputs.check(target, file, arguments.force)
     robot = load_robot(arguments.robot)
-    human = read_human(
-        file,
-        fps=arguments.fps,
-        height=arguments.height,
-        up=arguments.up,
-        unit=arguments.unit,
-        body_model=arguments.body_model,
-        rig=arguments.rig,
-    )
-    with _about(file):
-        name = arguments.map or default_map_name(human.rig, robot.name)
-    body_map = load_map(name, robot)
+    human = arguments.read_human(file, arguments.fps)
+    body_map = arguments.load_map(human, file, robot)
     started = time.perf_counter()
-    with progress(not arguments.quiet) as callback, _about(file):
+    with progress(not arguments.quiet) as callback, about(file):
         result = retarget(
             human,
             robot,
@@ -83,23 +70,14 @@ def run(arguments: Retarget) -> int:
             progress=callback,
         )
     seconds = time.perf_counter() - started
-    clip = Clip(result.motion, "gmr-traj", references=result.references)
+    clip, _, _ = retargeted_clip(human, result, robot, body_map, file)
     lost = write_clip(clip, target, format=arguments.format, robot=robot)
-    done = _Run(target, human, body_map.name, result, seconds, (*human.notes, *result.notes, *lost))
+    done = _Run(target, human, body_map.name, result, seconds, (*clip.notes, *lost))
     if arguments.json:
         print(json.dumps(_report(arguments, done), indent=2, allow_nan=False))
     elif not arguments.quiet:
         _show(arguments, done)
     return ExitCode.OK
-
-
-@contextmanager
-def _about(file: Path) -> Iterator[None]:
-    """Name the motion's file in errors about how map and motion fit."""
-    try:
-        yield
-    except MapError as error:
-        raise MapError(f"{file}: {error}") from error
 
 
 def _report(arguments: Retarget, done: _Run) -> dict[str, Any]:

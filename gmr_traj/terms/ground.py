@@ -20,6 +20,9 @@ from gmr_traj.terms.context import Context
 from gmr_traj.terms.term import Term
 from gmr_traj.variables import Variables
 
+# A foot that tilts far rests on the side of its capsules: rows where they are lower than its sole by more [m].
+_LOWER = 0.001
+
 
 @dataclass(frozen=True)
 class Ground(Term):
@@ -32,19 +35,20 @@ class Ground(Term):
     uses: ClassVar[tuple[str, ...]] = ("cost", "hard", "soft")
 
     def residuals(self, context: Context, variables: Variables) -> list[Residual]:
-        """One residual a sole and a capsule that is not of a foot, over the frames in which it comes near the floor."""
+        """One residual a sole and a capsule, over the frames in which it comes near the floor."""
         robot = context.robot
-        shapes: list[tuple[str, str, np.ndarray, float]] = []
-        for sole in robot.soles:
-            outline = sole.outline if len(sole.outline) else sole.points
-            shapes.append((f"{sole.name} sole", sole.body, outline, 0.0))
-        under = {sole.body for sole in robot.soles}
+        outlines = {sole.body: sole.outline if len(sole.outline) else sole.points for sole in robot.soles}
+        out = [
+            self._shape(context, variables, f"{sole.name} sole", sole.body, outlines[sole.body], 0.0)
+            for sole in robot.soles
+        ]
         for capsule in robot.capsules:
-            if capsule.body in under:
-                continue  # the sole's outline is the lowest part of a foot
             ends = np.unique(np.stack([capsule.start, capsule.end]), axis=0)
-            shapes.append((capsule.name, capsule.body, ends, capsule.radius))
-        out = [self._shape(context, variables, *shape) for shape in shapes]
+            out.append(
+                self._shape(
+                    context, variables, capsule.name, capsule.body, ends, capsule.radius, outlines.get(capsule.body)
+                )
+            )
         return [residual for residual in out if residual is not None]
 
     def _shape(
@@ -55,13 +59,19 @@ class Ground(Term):
         body: str,
         points: np.ndarray,
         radius: float,
+        sole: np.ndarray | None = None,
     ) -> FrameResidual | None:
+        """The rows of some points of a body; where it has a ``sole``, only those that come lower than that."""
         slot = context.robot.body_names.index(body)
         built = np.zeros((context.frames, len(points)), bool)
         for visited in context.visited:
             positions, rotations = visited.placements
             height = positions[:, slot, None, 2] + rotations[:, slot, 2] @ points.T - radius  # (T, m)
-            built |= height < self.near
+            low = height < self.near
+            if sole is not None:
+                lowest = (positions[:, slot, None, 2] + rotations[:, slot, 2] @ sole.T).min(axis=1, keepdims=True)
+                low &= height < lowest - _LOWER
+            built |= low
         frames = np.flatnonzero(built.any(axis=1))
         if not frames.size:
             return None
