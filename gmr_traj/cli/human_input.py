@@ -18,7 +18,8 @@ from gmr_traj.resampling import resample_schedule
 from gmr_traj.retarget.body_map import BodyMap
 from gmr_traj.retarget.joining import join
 from gmr_traj.retarget.retarget import Retargeted, retarget
-from gmr_traj.retarget.source import as_source, person_schedule
+from gmr_traj.retarget.source import person_schedule
+from gmr_traj.retarget.targets import scaled_targets
 from gmr_traj.robot import Robot
 from gmr_traj.robot_loading import load_robot
 
@@ -61,8 +62,10 @@ def start(arguments: Refine, progress: Progress | None = None) -> Start:
     human = arguments.read_human(arguments.source)
     body_map = arguments.load_map(human, arguments.source, robot)
     with about(arguments.source):
-        joined = join(as_source(str(arguments.source), human, robot, body_map), clip.motion, robot)
-    notes = (*clip.notes, *human.notes, *joined.notes)
+        targets = scaled_targets(human, body_map)
+    stances, unknown = _stances(human, robot, body_map)
+    joined = join(str(arguments.source), targets, human.fps, clip.motion, robot, stances)
+    notes = (*clip.notes, *human.notes, *joined.notes, *unknown)
     return Start(replace(clip, references=joined.targets, notes=notes), robot, joined.stances)
 
 
@@ -94,11 +97,18 @@ def retargeted_clip(
         The clip, its robot, and the source's stances where they are known.
     """
     motion = result.motion
-    notes = (f"{path.name} was retargeted to {robot.name} with {body_map.name}", *human.notes, *result.notes)
-    try:
-        stances = resample_schedule(person_schedule(human, robot, body_map), motion.fps, motion.frames)
-    except ScheduleError as error:
-        stances, notes = None, (*notes, f"stances are found on the robot alone: {error}")
+    stances, unknown = _stances(human, robot, body_map)
+    if stances is not None:
+        stances = resample_schedule(stances, motion.fps, motion.frames)
+    notes = (f"{path.name} was retargeted to {robot.name} with {body_map.name}", *human.notes, *result.notes, *unknown)
     schedule = detect(motion, robot, source=stances)
     clip = Clip(motion, "gmr-traj", schedule=schedule, references=result.references, notes=notes)
     return clip, robot, stances
+
+
+def _stances(human: HumanMotion, robot: Robot, body_map: BodyMap) -> tuple[ContactSchedule | None, tuple[str, ...]]:
+    """When the robot's soles are in stance as the person's feet have them; or nothing, and a note why."""
+    try:
+        return person_schedule(human, robot, body_map), ()
+    except ScheduleError as error:
+        return None, (f"stances are found on the robot alone: {error}",)

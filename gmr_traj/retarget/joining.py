@@ -18,8 +18,7 @@ from gmr_traj.kinematics.mujoco_kinematics import placements
 from gmr_traj.metrics.faithfulness import planar_alignment
 from gmr_traj.motion import RobotMotion
 from gmr_traj.references import BodyTargets
-from gmr_traj.resampling import resample_schedule, resample_targets
-from gmr_traj.retarget.source import Source
+from gmr_traj.resampling import resample_schedule, resample_targets, same_rate
 from gmr_traj.robot import Robot
 
 #: Frames by which a clip and its source may differ in length: retargeters drop the first, resamplers the last.
@@ -44,26 +43,36 @@ class Joined:
     notes: tuple[str, ...]
 
 
-def join(source: Source, motion: RobotMotion, robot: Robot) -> Joined:
+def join(
+    name: str,
+    targets: BodyTargets,
+    fps: float,
+    motion: RobotMotion,
+    robot: Robot,
+    stances: ContactSchedule | None = None,
+) -> Joined:
     """Bring a source to a clip.
 
     Args:
-        source: the human motion, scaled to the robot.
+        name: what to call the source.
+        targets: where the scaled person has the robot's bodies.
+        fps: the person's frame rate [Hz].
         motion: the clip.
         robot: its robot.
+        stances: the person's contacts, in frames of the person; None where they are not known.
 
     Raises:
         ClipError: the two differ in length by more than ``FRAMES``, or in what they do.
     """
     notes = []
-    targets = resample_targets(source.targets.of(robot.body_names), source.fps, motion.fps)
+    targets = resample_targets(targets.of(robot.body_names), fps, motion.fps)
     if not targets.names:
-        raise ClipError(f"{source.name}: the map has no target for any body of {robot.name}")
-    if abs(source.fps - motion.fps) > 1e-6:
-        notes.append(f"{source.name} is resampled from {source.fps:g} Hz to the clip's {motion.fps:g} Hz")
+        raise ClipError(f"{name}: the map has no target for any body of {robot.name}")
+    if not same_rate(fps, motion.fps):
+        notes.append(f"{name} is resampled from {fps:g} Hz to the clip's {motion.fps:g} Hz")
     if abs(targets.frames - motion.frames) > FRAMES:
         raise ClipError(
-            f"{source.name} lasts {targets.frames / motion.fps:.2f} s, the clip {motion.duration:.2f} s; they must be "
+            f"{name} lasts {targets.frames / motion.fps:.2f} s, the clip {motion.duration:.2f} s; they must be "
             "the same seconds of the same motion: cut the longer one"
         )
     at = np.minimum(np.arange(motion.frames), targets.frames - 1)
@@ -71,7 +80,7 @@ def join(source: Source, motion: RobotMotion, robot: Robot) -> Joined:
     turn, shift = _to_the_clip(targets, motion, robot)
     if abs(turn) > np.radians(1.0) or np.linalg.norm(shift) > 0.01:
         notes.append(
-            f"{source.name} is turned by {np.degrees(turn):.0f} degrees and shifted by {np.linalg.norm(shift):.2f} m "
+            f"{name} is turned by {np.degrees(turn):.0f} degrees and shifted by {np.linalg.norm(shift):.2f} m "
             "to where the clip is"
         )
     yaw = Rotation.from_euler("z", turn)
@@ -81,8 +90,9 @@ def join(source: Source, motion: RobotMotion, robot: Robot) -> Joined:
         positions=targets.positions @ yaw.as_matrix().T + shift,
         quaternions=turned.as_quat(scalar_first=True).reshape(targets.quaternions.shape),
     )
-    _check(targets, motion, robot, source.name)
-    stances = None if source.schedule is None else resample_schedule(source.schedule, motion.fps, motion.frames)
+    _check(targets, motion, robot, name)
+    if stances is not None:
+        stances = resample_schedule(stances, motion.fps, motion.frames)
     return Joined(targets, stances, tuple(notes))
 
 
