@@ -37,3 +37,7 @@ class ResourceError(GmrTrajError):
 
 class SolverError(GmrTrajError):
     """The solver could not be run at all (not: it ran and did not converge, which is a status)."""
+
+
+class DrawingError(GmrTrajError):
+    """Pictures cannot be drawn here: there is no driver to draw with."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 
@@ -44,6 +45,7 @@ class SolveReport:
         objective: value at the solution (sum over windows).
         terms: every residual.
         message: what to know beyond that, in a sentence; empty if nothing.
+        trace: Ipopt's objective and infeasibilities by iteration, of all passes one after the other, for plots.
     """
 
     status: str
@@ -56,9 +58,10 @@ class SolveReport:
     objective: float
     terms: tuple[TermReport, ...]
     message: str
+    trace: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
-        """Plain containers, ready for ``json.dumps``; times are left out, so that equal runs give equal bytes."""
+        """Plain containers, ready for ``json.dumps``, without the trace and the times: equal runs give equal bytes."""
         content = asdict(self)
-        del content["seconds"], content["evaluation_seconds"]
+        del content["seconds"], content["evaluation_seconds"], content["trace"]
         return content

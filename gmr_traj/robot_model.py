@@ -67,7 +67,9 @@ def _strip(spec: mujoco.MjSpec) -> None:
 def _drop_visuals(spec: mujoco.MjSpec, file: RobotFile) -> None:
     """Delete geoms without contact that carry no mass, and geoms whose mesh is not found."""
     spec.strippath = False
-    missing = {mesh.name for mesh in spec.meshes if mesh.file and not _locate(spec, mesh, file)}
+    missing = {
+        mesh.name for mesh in spec.meshes if mesh.file and not locate_mesh(spec, mesh, file.model, file.mesh_folder)
+    }
     for geom in list(spec.geoms):
         solid, is_mesh = bool(geom.contype or geom.conaffinity), int(geom.type) == _MESH
         absent = is_mesh and geom.meshname in missing
@@ -83,15 +85,19 @@ def _drop_visuals(spec: mujoco.MjSpec, file: RobotFile) -> None:
             spec.delete(mesh)
 
 
-def _locate(spec: mujoco.MjSpec, mesh: mujoco.MjsMesh, file: RobotFile) -> bool:
-    """Point a mesh at its file: beside the model, in the mesh folder, or in the package a URDF names."""
-    folders = [file.model.parent / spec.meshdir, file.model.parent]
+def locate_mesh(spec: mujoco.MjSpec, mesh: mujoco.MjsMesh, model: Path, mesh_folder: Path | None) -> bool:
+    """Point a mesh at its file: beside the model, in the mesh folder, or in the package a URDF names.
+
+    Returns:
+        whether there is such a file.
+    """
+    folders = [model.parent / spec.meshdir, model.parent]
     relative = mesh.file
     if relative.startswith(_PACKAGE):
         package, _, relative = relative.removeprefix(_PACKAGE).partition("/")
-        folders = [folder for folder in file.model.resolve().parents if folder.name == package]
-    if file.mesh_folder is not None:
-        folders += [file.mesh_folder, file.mesh_folder / Path(relative).parent.name]
+        folders = [folder for folder in model.resolve().parents if folder.name == package]
+    if mesh_folder is not None:
+        folders += [mesh_folder, mesh_folder / Path(relative).parent.name]
     names = (relative, Path(relative).name)
     found = next((folder / name for folder in folders for name in names if (folder / name).is_file()), None)
     if found is not None:

@@ -8,6 +8,9 @@ The fields:
     mesh_folder = "..."             # optional: where the model's meshes are
     ignore_missing_meshes = false   # optional: go on without collision meshes that are not found
 
+    [looks]                         # optional: meshes of the links, for pictures only
+    package, model                  # a Python package, and the file of it whose bodies bear the same names
+
     [[joints]]                      # every joint in exactly one entry; names may use * and ?
     names = ["*_knee_joint"]
     velocity, acceleration, effort  # limits [rad/s], [rad/s^2], [N m], above zero
@@ -84,6 +87,7 @@ class RobotFile:
     model: Path
     mesh_folder: Path | None
     ignore_missing_meshes: bool
+    looks: tuple[str, str] | None
     anchor_body: str
     joints: tuple[JointFigures, ...]
     nominal: dict[str, float]
@@ -103,12 +107,14 @@ def read_robot_toml(path: Path) -> RobotFile:
     top = read_toml(path, RobotError)
     nominal, collision = top.table("nominal"), top.table("collision", required=False)
     mesh_folder = top.text("mesh_folder", "")
+    looks = top.table("looks", required=False)
     file = RobotFile(
         path=path,
         name=top.text("name"),
         model=path.parent / top.text("model"),
         mesh_folder=path.parent / mesh_folder if mesh_folder else None,
         ignore_missing_meshes=top.flag("ignore_missing_meshes", False),
+        looks=(looks.text("package"), looks.text("model")) if looks.values else None,
         anchor_body=top.text("anchor_body"),
         joints=tuple(_joint(t) for t in top.tables("joints")),
         nominal={key: nominal.number(key) for key in nominal.values},
@@ -119,6 +125,7 @@ def read_robot_toml(path: Path) -> RobotFile:
         ignored_pairs=tuple(_ignored(t) for t in collision.tables("ignore", required=False)),
     )
     collision.done()
+    looks.done()
     top.done()
     names = [sole.name for sole in file.soles]
     if len(set(names)) != len(names):

@@ -150,4 +150,8 @@ def _summary(solutions: list[Solution], passes: int, reports: tuple[TermReport, 
         objective=sum(term.value for term in reports),
         terms=reports,
         message=message,
+        trace={
+            key: tuple(value for solution in solutions for value in solution.trace.get(key, ()))
+            for key in solutions[0].trace
+        },
     )

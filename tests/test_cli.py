@@ -25,7 +25,15 @@ def run_help(capsys: pytest.CaptureFixture[str], *argv: str) -> str:
 
 def test_help_lists_subcommands_and_every_exit_code(capsys):
     text = run_help(capsys)
-    for word in ("refine", "inspect", "bench", *(f"{code.value}  {code.meaning}" for code in ExitCode)):
+    for word in (
+        "refine",
+        "inspect",
+        "view",
+        "render",
+        "report",
+        "bench",
+        *(f"{code.value}  {code.meaning}" for code in ExitCode),
+    ):
         assert word in text
 
 
@@ -36,7 +44,7 @@ def test_no_arguments_is_help(capsys):
     assert "usage: gmr-traj" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("subcommand", ["refine", "inspect", "bench"])
+@pytest.mark.parametrize("subcommand", ["refine", "inspect", "view", "render", "report", "bench"])
 def test_subcommand_help(capsys, subcommand):
     text = run_help(capsys, subcommand)
     for option in ("--robot", "--input-format", "--fps", "--quaternion", "--traceback"):
@@ -49,7 +57,7 @@ def test_help_is_fast_and_loads_nothing_heavy():
         "from gmr_traj.cli.main import main\n"
         "try:\n    main(['refine', '--help'])\n"
         "except SystemExit:\n    pass\n"
-        "heavy = {'casadi', 'fcl', 'mujoco', 'numpy', 'pinocchio', 'scipy'}\n"
+        "heavy = {'casadi', 'fcl', 'mujoco', 'numpy', 'PIL', 'pinocchio', 'rerun', 'scipy'}\n"
         "print(sorted(heavy & set(sys.modules)), file=sys.stderr)\n"
     )
     start = time.perf_counter()

@@ -16,6 +16,7 @@ from gmr_traj.exceptions import ClipError, GmrTrajError
 from gmr_traj.metrics import certify
 from gmr_traj.motion import RobotMotion
 from gmr_traj.robot import Robot
+from gmr_traj.text import number
 
 FRAMES, FPS = 90, 30.0
 
@@ -141,7 +142,7 @@ def test_the_certificate_as_a_table(robot, capsys):
     for promise in measured.promises:
         line = next(line for line in out.splitlines() if line.startswith(promise.sentence))
         assert ("BROKEN" in line) == (not promise.held)
-        assert tables.number(promise.value) in line
+        assert number(promise.value) in line
     assert "BROKEN" in out
     for key in robot.key_bodies:
         assert key.body in out
@@ -162,4 +163,4 @@ def test_the_certificate_as_a_table(robot, capsys):
     ],
 )
 def test_numbers(value, text):
-    assert tables.number(value) == text
+    assert number(value) == text

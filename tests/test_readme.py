@@ -49,7 +49,7 @@ def test_options_named_in_the_readme_exist(capsys):
     from gmr_traj.cli.main import main
 
     known = ""
-    for subcommand in ("refine", "inspect", "bench"):
+    for subcommand in ("refine", "inspect", "view", "render", "report", "bench"):
         with pytest.raises(SystemExit):
             main([subcommand, "--help"])
         known += capsys.readouterr().out

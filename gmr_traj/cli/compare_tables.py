@@ -8,9 +8,10 @@ from itertools import groupby
 from rich.markup import escape
 from rich.table import Table
 
-from gmr_traj.cli.tables import number, plain_table
+from gmr_traj.cli.tables import plain_table
 from gmr_traj.comparison import Comparison, Measure
 from gmr_traj.comparison.compare import Row
+from gmr_traj.text import number
 
 NOTHING = "-"  # a metric that a clip has no value of
 

@@ -36,11 +36,13 @@ class Start:
         clip: the clip, with the source's targets as references where they are known.
         robot: its robot.
         stances: when the source's feet are in contact, in the clip's frames; None where that is not known.
+        human: the person the clip comes from, where known.
     """
 
     clip: Clip
     robot: Robot
     stances: ContactSchedule | None = None
+    human: HumanMotion | None = None
 
 
 def start(arguments: Refine, progress: Progress | None = None) -> Start:
@@ -66,7 +68,7 @@ def start(arguments: Refine, progress: Progress | None = None) -> Start:
     stances, unknown = _stances(human, robot, body_map)
     joined = join(str(arguments.source), targets, human.fps, clip.motion, robot, stances)
     notes = (*clip.notes, *human.notes, *joined.notes, *unknown)
-    return Start(replace(clip, references=joined.targets, notes=notes), robot, joined.stances)
+    return Start(replace(clip, references=joined.targets, notes=notes), robot, joined.stances, human)
 
 
 def _from_human(arguments: Refine, progress: Progress | None) -> Start:
@@ -85,7 +87,7 @@ def _from_human(arguments: Refine, progress: Progress | None) -> Start:
     body_map = arguments.load_map(human, arguments.clip, robot)
     with about(arguments.clip):
         result = retarget(human, robot, body_map, method=arguments.method, progress=progress)
-    return Start(*retargeted_clip(human, result, robot, body_map, arguments.clip))
+    return Start(*retargeted_clip(human, result, robot, body_map, arguments.clip), human)
 
 
 def retargeted_clip(

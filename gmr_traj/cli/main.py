@@ -14,7 +14,16 @@ from typing import Annotated
 import tyro
 
 from gmr_traj._version import __version__
-from gmr_traj.cli import arguments, compare_arguments, make_map_arguments, refine_arguments, retarget_arguments
+from gmr_traj.cli import (
+    arguments,
+    compare_arguments,
+    make_map_arguments,
+    refine_arguments,
+    render_arguments,
+    report_arguments,
+    retarget_arguments,
+    view_arguments,
+)
 from gmr_traj.cli.exit_codes import ExitCode, table
 from gmr_traj.exceptions import GmrTrajError
 from gmr_traj.memory import keep_freed
@@ -29,6 +38,9 @@ exit codes:
 Command = (
     Annotated[refine_arguments.Refine, tyro.conf.subcommand("refine")]
     | Annotated[arguments.Inspect, tyro.conf.subcommand("inspect")]
+    | Annotated[view_arguments.View, tyro.conf.subcommand("view")]
+    | Annotated[render_arguments.Render, tyro.conf.subcommand("render")]
+    | Annotated[report_arguments.Report, tyro.conf.subcommand("report")]
     | Annotated[arguments.Bench, tyro.conf.subcommand("bench")]
     | Annotated[retarget_arguments.Retarget, tyro.conf.subcommand("retarget")]
     | Annotated[make_map_arguments.MakeMap, tyro.conf.subcommand("make-map")]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from gmr_traj import atomic
 from gmr_traj._version import __version__
-from gmr_traj.cli import outputs, tables
+from gmr_traj.cli import outputs, recordings, tables
 from gmr_traj.cli.exit_codes import ExitCode
 from gmr_traj.cli.human_input import start
 from gmr_traj.cli.terminal import console, progress
@@ -42,6 +42,7 @@ def run(arguments: Refine) -> int:
     """
     file_format = arguments.format or ("gmr-traj" if is_human(arguments.clip) else None)
     planned = outputs.plan(arguments.clip, arguments.output, file_format, arguments.save_contacts, arguments.force)
+    recording = recordings.plan(arguments)
     problem = load_problem(arguments.problem)
     with progress(not arguments.quiet) as callback, passed_on():
         begun = start(arguments, callback)
@@ -61,7 +62,8 @@ def run(arguments: Refine) -> int:
     converged = refinement.report.status != "not converged"
     target = planned.clip if converged else planned.unconverged
     with outputs.staged(target) as staged:
-        write_clip(_refined(clip, refinement, robot), staged, format=arguments.format, robot=robot)
+        refined = _refined(clip, refinement, robot)
+        write_clip(refined, staged, format=arguments.format, robot=robot)
         # Measured on the file as it was written, read back, not on what was meant to be written.
         written = read_clip(staged, robot, format=arguments.format or clip.format, fps=clip.motion.fps).motion
         schedule = refinement.schedule
@@ -72,6 +74,8 @@ def run(arguments: Refine) -> int:
         report = _report(arguments, target, clip, refinement, certificate, code)
         report["audit"] = _audit(written, robot)
         text = json.dumps(report, indent=2) + "\n"
+        if recording is not None:
+            recordings.write(recording, begun, refined.with_motion(written), refinement, certificate)
         outputs.publish(staged, target, planned.report(target), text)
     if planned.contacts is not None:
         with atomic.write(planned.contacts) as stream:
@@ -80,6 +84,8 @@ def run(arguments: Refine) -> int:
         print(text, end="")
     elif not arguments.quiet:
         _show(clip, target, refinement, certificate, code)
+    if recording is not None:
+        recordings.announce(recording, arguments)
     return code
 
 

@@ -50,6 +50,12 @@ class Refine(HumanOptions, Common):
     overlap: Annotated[float | None, named("SECONDS", "a quarter of the window")] = None
     """How far neighbouring windows overlap."""
 
+    rerun: Annotated[Path | None, named("RRD", "not written")] = None
+    """Write a recording of the clip before and after, for the rerun viewer."""
+
+    view: bool = False
+    """Open the viewer with that recording when it is done."""
+
     json: bool = False
     """Print the report as JSON on standard output instead of tables."""
 

@@ -9,6 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from gmr_traj.metrics import Artefact, Certificate, Change, Figures
+from gmr_traj.text import number
 
 _HELD = {True: "[green]held[/green]", False: "[bold red]BROKEN[/bold red]"}
 
@@ -89,17 +90,6 @@ def ranking(clips: Iterable[tuple[str, float, Figures, Sequence[Artefact]]]) -> 
             escape(f"{found[0].kind.replace('_', ' ')}: {found[0].where}") if found else "",
         )
     return table
-
-
-def number(value: float) -> str:
-    """Three significant digits: 0.0123, 4.56, 78.9, 1235; rounding errors are 0."""
-    if abs(value) < 1e-9:
-        return "0"
-    if float(value).is_integer() or abs(value) >= 100.0:
-        return f"{value:.0f}"
-    if abs(value) < 1e-4:
-        return f"{value:.0e}"
-    return f"{value:#.3g}".rstrip(".")
 
 
 def plain_table(*columns: str) -> Table:

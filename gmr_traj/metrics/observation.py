@@ -24,6 +24,8 @@ class Observation:
         rotations: body orientations in the world.  # (T, B, 3, 3)
         soles: contact points of each sole [m], in the order of ``robot.soles``.  # S of (T, K, 3)
         outlines: outline points of each sole [m].  # S of (T, M, 3)
+        starts, ends: both ends of the axis of each collision shape [m], in the order of ``robot.capsules``.
+            # (T, C, 3)
         lowest: height of the lowest point of each collision shape [m].  # (T, C)
         overlaps: self-collisions.
     """
@@ -34,6 +36,8 @@ class Observation:
     rotations: np.ndarray
     soles: tuple[np.ndarray, ...]
     outlines: tuple[np.ndarray, ...]
+    starts: np.ndarray
+    ends: np.ndarray
     lowest: np.ndarray
     overlaps: Overlaps
 
@@ -46,6 +50,8 @@ class Observation:
             positions=self.positions + up,
             soles=tuple(points + up for points in self.soles),
             outlines=tuple(points + up for points in self.outlines),
+            starts=self.starts + up,
+            ends=self.ends + up,
             lowest=self.lowest + height,
         )
 
@@ -82,6 +88,8 @@ def observe(motion: RobotMotion, robot: Robot) -> Observation:
         rotations=rotations,
         soles=tuple(world(sole.body, sole.points) for sole in robot.soles),
         outlines=tuple(world(sole.body, sole.outline) for sole in robot.soles),
+        starts=starts,
+        ends=ends,
         lowest=np.minimum(starts[:, :, 2], ends[:, :, 2]) - radii,
         overlaps=overlaps(starts, ends, radii, robot.collision_pairs),
     )
