@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 import scipy.sparse as sp
 
-from gmr_traj.assembly import SparseSum, frozen, gather, nonzeros, to_dm, widen
+from gmr_traj.assembly import SparseSum, frozen, gather, mapped, nonzeros, to_dm, widen
 from gmr_traj.exceptions import ProblemError
 from gmr_traj.residuals import FrameResidual, LinearResidual, Residual, Used
 from gmr_traj.variables import Variables
@@ -130,7 +130,7 @@ class Constraints:
                 assert residual.jacobian is not None
                 count, m = len(residual.frames), len(residual.rows)
                 z, parameter = gather(x, residual.columns), frozen(residual.parameters)
-                row = ca.vec(ca.densify(residual.value.map(count)(z, parameter)))[kept.tolist()]
+                row = ca.vec(ca.densify(mapped(residual.value, count)(z, parameter)))[kept.tolist()]
                 i, j = (np.array(k) for k in residual.jacobian.sparsity_out(0).get_triplet())
                 position = np.full(count * m, -1)
                 position[kept] = here
@@ -139,7 +139,7 @@ class Constraints:
                 total.add(
                     entry[select],
                     residual.columns[:, j].ravel()[select],
-                    nonzeros(residual.jacobian.map(count)(z, parameter))[select.tolist()],
+                    nonzeros(mapped(residual.jacobian, count)(z, parameter))[select.tolist()],
                 )
             if block.slack.size:
                 factor = block.slack_sign * block.scale[block.slack_row]

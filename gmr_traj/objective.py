@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 import scipy.sparse as sp
 
-from gmr_traj.assembly import SparseSum, frozen, gather, nonzeros, to_dm, widen
+from gmr_traj.assembly import SparseSum, frozen, gather, mapped, nonzeros, to_dm, widen
 from gmr_traj.exceptions import ProblemError
 from gmr_traj.frame_costs import gauss_newton
 from gmr_traj.residuals import FrameResidual, Used
@@ -81,16 +81,16 @@ class Objective:
             functions, parameters = gauss_newton(residual)
             count = len(residual.frames)
             z, parameter = gather(x, residual.columns), frozen(parameters)
-            value += ca.sum2(functions.value.map(count)(z, parameter))
+            value += ca.sum2(mapped(functions.value, count)(z, parameter))
             gradient_sum.add(
                 residual.columns.ravel(),
                 np.zeros(residual.columns.size, int),
-                ca.vec(ca.densify(functions.gradient.map(count)(z, parameter))),
+                ca.vec(ca.densify(mapped(functions.gradient, count)(z, parameter))),
             )
             i, j = (np.array(k) for k in functions.hessian.sparsity_out(0).get_triplet())
             hessian_sum.add(
                 residual.columns[:, i].ravel(),
                 residual.columns[:, j].ravel(),
-                nonzeros(functions.hessian.map(count)(z, parameter)),
+                nonzeros(mapped(functions.hessian, count)(z, parameter)),
             )
         return value, gradient + gradient_sum.total(), hessian_sum.total()

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from metrics_toy import both_feet, clip, standing
 from optimiser_setup import EXAMPLE, TIGHT, context_of, residuals_of, toy
 
+from gmr_traj import assembly
 from gmr_traj.assembly import SparseSum, to_dm
 from gmr_traj.constraints import SOFT_SLOPE
 from gmr_traj.exceptions import ProblemError
@@ -277,3 +278,13 @@ def test_hessian_of_least_squares_is_the_derivative_of_the_gradient() -> None:
         ahead, behind = nlp.gradient(nlp.initial + h, [])[1], nlp.gradient(nlp.initial - h, [])[1]
         numeric.append(np.array(ca.densify(ahead - behind)).ravel() / (2 * step))
     np.testing.assert_allclose(upper + np.triu(upper, 1).T, np.array(numeric), atol=1e-5 * np.abs(numeric).max())
+
+
+def test_functions_mapped_over_threads_give_the_same_to_the_bit(monkeypatch: pytest.MonkeyPatch) -> None:
+    x = ca.SX.sym("x", 3)
+    function = ca.Function("f", [x], [ca.sin(x) * ca.sumsqr(x) / 3])
+    values = np.random.default_rng(0).normal(size=(3, 1001))
+    monkeypatch.setattr(assembly, "_THREADS", 2)
+    two = np.array(assembly.mapped(function, 1001)(values))
+    monkeypatch.setattr(assembly, "_THREADS", 1)
+    np.testing.assert_array_equal(np.array(assembly.mapped(function, 1001)(values)), two)

@@ -14,7 +14,7 @@ from gmr_traj.collision.segments import Array, distance
 from gmr_traj.robot import Robot
 
 #: Frames whose swept boxes are searched together. Longer chunks mean fewer searches and more false alarms.
-CHUNK = 16
+CHUNK = 64
 
 #: Added to every box [m], so that rounding can lose no pair whose clearance equals the margin.
 ROUNDING = 1e-9

@@ -97,9 +97,7 @@ def _functions(
     kinematics: CasadiKinematics, body: str, points: tuple[tuple[float, ...], ...], radius: float
 ) -> tuple[ca.Function, ca.Function]:
     """(step, configuration) -> heights of points of one body less a radius; and their Jacobian."""
-    step = ca.SX.sym("z", kinematics.tangent_size)
-    reference = ca.SX.sym("q", 7 + kinematics.robot.dof)
-    placements = kinematics.placements(step, reference)
+    step, reference, placements = kinematics.symbols
     slot = kinematics.robot.body_names.index(body)
     heights = ca.vertcat(
         *[

@@ -79,23 +79,46 @@ class _Chain:
 
 @lru_cache(maxsize=2048)
 def _chain(kinematics: CasadiKinematics, first: int, second: int) -> _Chain:
-    robot = kinematics.robot
-    model, one, two = robot.model, robot.capsules[first], robot.capsules[second]
-    up_one, up_two = _ancestors(model, one.body), _ancestors(model, two.body)
+    one, two = kinematics.robot.capsules[first], kinematics.robot.capsules[second]
+    bodies = _bodies(kinematics, one.body, two.body)
+    ends = [_ends(place, capsule) for place, capsule in zip(bodies.placements, (one, two), strict=True)]
+    value, row = clearance_jacobian(bodies.step, *ends[0], one.radius, *ends[1], two.radius)
+    options = {"cse": True}
+    inputs = [bodies.step, bodies.angles]
+    return _Chain(
+        joints=bodies.joints,
+        value=ca.Function("clearance", inputs, [value], ["z", "p"], ["r"], options),
+        jacobian=ca.Function("clearance_row", inputs, [ca.densify(row)], ["z", "p"], ["J"], options),
+    )
+
+
+@dataclass(frozen=True)
+class _Bodies:
+    """Two bodies in the frame of their closest common ancestor, written down once for all of their capsules.
+
+    Attributes:
+        joints: indices of the joints between them.  # (nz,)
+        step, angles: symbols, step of the joints and their angles.  # (nz, 1)
+        placements: position and rotation of each.
+    """
+
+    joints: np.ndarray
+    step: Any
+    angles: Any
+    placements: tuple[tuple[Any, Any], tuple[Any, Any]]
+
+
+@lru_cache(maxsize=1024)
+def _bodies(kinematics: CasadiKinematics, first: str, second: str) -> _Bodies:
+    model = kinematics.robot.model
+    up_one, up_two = _ancestors(model, first), _ancestors(model, second)
     common = next(body for body in up_one if body in up_two)
     paths = [up_one[: up_one.index(common)][::-1], up_two[: up_two.index(common)][::-1]]
     moved = [body for path in paths for body in path if int(model.body_jntnum[body])]
     joints = np.array([int(model.jnt_qposadr[int(model.body_jntadr[body])]) - 7 for body in moved])
     step, angles = ca.SX.sym("z", len(joints)), ca.SX.sym("p", len(joints))
     angle = dict(zip(moved, ca.vertsplit(step + angles), strict=True))
-    ends = [_ends(model, path, angle, capsule) for path, capsule in zip(paths, (one, two), strict=True)]
-    value, row = clearance_jacobian(step, *ends[0], one.radius, *ends[1], two.radius)
-    options = {"cse": True}
-    return _Chain(
-        joints=joints,
-        value=ca.Function("clearance", [step, angles], [value], ["z", "p"], ["r"], options),
-        jacobian=ca.Function("clearance_row", [step, angles], [ca.densify(row)], ["z", "p"], ["J"], options),
-    )
+    return _Bodies(joints, step, angles, (_placement(model, paths[0], angle), _placement(model, paths[1], angle)))
 
 
 def _ancestors(model: mujoco.MjModel, body: str) -> list[int]:
@@ -106,8 +129,8 @@ def _ancestors(model: mujoco.MjModel, body: str) -> list[int]:
     return out
 
 
-def _ends(model: mujoco.MjModel, path: list[int], angle: dict[int, Any], capsule: Capsule) -> tuple[Any, Any]:
-    """End points of a capsule in the frame of the path's start; the second is None for a sphere."""
+def _placement(model: mujoco.MjModel, path: list[int], angle: dict[int, Any]) -> tuple[Any, Any]:
+    """Position and rotation of the last body of a path, in the frame of the path's start."""
     position, rotation = ca.SX.zeros(3), ca.SX.eye(3)
     for body in path:
         position = position + rotation @ ca.DM(model.body_pos[body])
@@ -119,6 +142,12 @@ def _ends(model: mujoco.MjModel, path: list[int], angle: dict[int, Any], capsule
             anchor = ca.DM(model.jnt_pos[joint])
             position = position + rotation @ anchor - turned @ anchor
             rotation = turned
+    return position, rotation
+
+
+def _ends(placement: tuple[Any, Any], capsule: Capsule) -> tuple[Any, Any]:
+    """End points of a capsule of a body; the second is None for a sphere."""
+    position, rotation = placement
     start = position + rotation @ ca.DM(capsule.start)
     if np.allclose(capsule.start, capsule.end):
         return start, None

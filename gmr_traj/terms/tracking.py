@@ -90,13 +90,11 @@ def _functions(
     kinematics: CasadiKinematics, slots: tuple[int, ...], points: tuple[tuple[float, ...], ...], robust: float
 ) -> GaussNewton:
     """Value, gradient and Hessian of one frame's cost."""
-    robot, count = kinematics.robot, len(slots)
-    tangent = ca.SX.sym("v", kinematics.tangent_size)
-    reference = ca.SX.sym("q", 7 + robot.dof)
+    count = len(slots)
+    tangent, reference, placements = kinematics.symbols
     at, turned = ca.SX.sym("p", 3, count), ca.SX.sym("R", 9, count)
     at_weight, turned_weight = ca.SX.sym("w", count), ca.SX.sym("u", count)
     parameters = ca.vertcat(reference, ca.vec(at), ca.vec(turned), at_weight, turned_weight)
-    placements = kinematics.placements(tangent, reference)
     cost = CompositeCost(kinematics, tangent, placements)
     for k, (slot, offset) in enumerate(zip(slots, points, strict=True)):
         point = placements.positions[slot]
