@@ -134,6 +134,8 @@ def _report(
         "gmr_traj": __version__,
         "input": str(arguments.clip),
         "output": str(target),
+        "source": None if arguments.source is None else str(arguments.source),
+        "retargeted": arguments.method if is_human(arguments.clip) else None,
         "format": arguments.format or clip.format,
         "robot": arguments.robot,
         "problem": arguments.problem,
