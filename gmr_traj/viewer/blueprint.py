@@ -9,8 +9,9 @@ import numpy as np
 from gmr_traj.human_motion import HumanMotion
 from gmr_traj.track import Track
 from gmr_traj.viewer import convergence, people, timelines
+from gmr_traj.viewer.motion_columns import base_path
 from gmr_traj.viewer.paths import part
-from gmr_traj.viewer.robot_geometry import meshes_path, shapes_path
+from gmr_traj.viewer.robot_geometry import shapes_path
 from gmr_traj.viewer.scene import Scene
 
 if TYPE_CHECKING:
@@ -77,8 +78,7 @@ def _robots(scene: Scene, name: str, tracks: tuple[Track, ...], meshes: bool) ->
     shown = [f"/world/{part(track.name)}" for track in tracks]
     if scene.targets is not None and len(tracks) == len(scene.tracks):
         shown.append(people.TARGETS)
-    follow = f"{(meshes_path if meshes else shapes_path)(first)}/{part(first.robot.body_names[0])}"
-    view = _spatial(name, shown, base, follow)
+    view = _spatial(name, shown, base, base_path(first))
     if meshes:
         view.visualizer_overrides = {shapes_path(track): rrb.EntityBehavior(visible=False) for track in tracks}
     return view

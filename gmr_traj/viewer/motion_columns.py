@@ -23,13 +23,24 @@ def frame_name(track: Track, body: str) -> str:
     return f"{part(track.name)}/{part(body)}"
 
 
+def base_path(track: Track) -> str:
+    """Path of a point at the robot's base, in the world's coordinates: what the eye follows."""
+    return f"/world/{part(track.name)}/base"
+
+
 def log(stream: rr.RecordingStream, track: Track, clock: Clock) -> None:
     """Log the placement of every body in every frame, under ``/tf/<track>/<body>``.
 
     Geometry is logged once, under ``/world``, in the coordinate frame of its body, so that shapes, meshes and marks
     of one robot can be shown and hidden apart from each other.
     """
+    import rerun as rr
+
     seen = track.observation
+    # The eye does not follow shapes, which are logged once in a frame that moves; it follows points that move.
+    stream.log(base_path(track), rr.Points3D.from_fields(radii=[0.001]), static=True)
+    base = seen.positions[:, 0].astype(np.float32)
+    clock.send(stream, base_path(track), track.time, lambda rows: rr.Points3D.columns(positions=base[rows]))
     for b, body in enumerate(track.robot.body_names):
         translation = seen.positions[:, b].astype(np.float32)
         quaternion = Rotation.from_matrix(seen.rotations[:, b]).as_quat().astype(np.float32)  # xyzw
