@@ -15,6 +15,8 @@ from gmr_traj.contacts.schedule import ContactSchedule, Stance
 from gmr_traj.exceptions import ClipError, ScheduleError
 from gmr_traj.metrics import Certificate, certify
 from gmr_traj.metrics.change import rotation_angle
+from gmr_traj.metrics.observation import observe
+from gmr_traj.references import BodyTargets
 
 ROBOT = toy()
 FRAMES = 200
@@ -258,3 +260,46 @@ def test_a_robot_without_an_upper_body():
         p.name: p for p in certify(clip(swinging()), clip(swinging()), legs, both_feet(FRAMES), levelling=0.0).promises
     }
     assert found["untouched_mean"].where == "every key body carries a foot"
+
+
+def human_of(qpos: np.ndarray, hover: float = 0.0) -> BodyTargets:
+    """Targets that are where a clip has torso, legs and arm, all of them higher by ``hover``."""
+    seen = observe(clip(qpos), ROBOT)
+    names = ("torso", "left_leg", "right_leg", "arm")
+    slots = [ROBOT.body_names.index(name) for name in names]
+    quaternions = [Rotation.from_matrix(seen.rotations[:, s]).as_quat(scalar_first=True) for s in slots]
+    positions = seen.positions[:, slots] + [0.0, 0.0, hover]
+    return BodyTargets(names, positions, np.stack(quaternions, axis=1), np.ones(4), np.ones(4))
+
+
+def source_promises(raw: np.ndarray, refined: np.ndarray, human: BodyTargets, levelling: float = 0.0):
+    found = certify(
+        clip(raw), clip(refined), ROBOT, both_feet(len(raw)), levelling=levelling, references=human
+    ).promises
+    return {p.name: p for p in found if p.name.startswith("source_")}
+
+
+def test_the_distance_to_the_human_is_promised_where_the_human_is_known():
+    assert not any(p.name.startswith("source_") for p in certificate(swinging(), swinging()).promises)
+    found = source_promises(swinging(), swinging(), human_of(swinging()))
+    assert set(found) == {"source_position", "source_orientation"} and all(p.held for p in found.values())
+    assert found["source_position"].before == found["source_position"].value == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(("lean", "held"), [(0.005, True), (0.1, False)])
+def test_a_clip_that_leaves_its_human_breaks_the_promise(lean: float, held: bool):
+    """The torso leans, and with it everything; the turn that best brings the two together adds a little to that."""
+    leaning = swinging()
+    leaning[:, 3:7] = Rotation.from_rotvec([0.0, lean, 0.0]).as_quat(scalar_first=True)
+    found = source_promises(swinging(), leaning, human_of(swinging()))
+    assert np.degrees(lean) < found["source_orientation"].value < 2 * np.degrees(lean)
+    assert found["source_orientation"].held == held
+
+
+def test_the_human_stands_on_the_floor_where_the_refined_clip_does():
+    """Retargeted 3 cm over the floor, as its human is, and refined onto it: not a millimetre farther away."""
+    raised = swinging()
+    raised[:, 2] += 0.03
+    found = source_promises(raised, swinging(), human_of(swinging(), hover=0.03), levelling=-0.03)
+    assert found["source_position"].value == pytest.approx(0.0, abs=1e-6)
+    assert found["source_position"].before == pytest.approx(0.0, abs=1e-6)

@@ -106,12 +106,12 @@ def source_promises(before: Distances, after: Distances, bars: Settings) -> list
     Args:
         before: distances of the input.
         after: distances of the refined clip.
-        bars: the bars: a share of the input's position, degrees more than the input's orientation.
+        bars: the bars: a share of the input's distance or millimetres more, degrees more than the input's orientation.
     """
     out = []
     if after.placed.any():
         far, was = (1e3 * d.position[:, d.placed].mean(axis=0) for d in (after, before))
-        bar = bars("source", "position_of_input") * was.mean()
+        bar = max(bars("source", "position_of_input") * was.mean(), was.mean() + bars("source", "position_over_input"))
         where = after.bodies[np.flatnonzero(after.placed)[(far - was).argmax()]]
         out.append(_promise("source_position", far.mean(), bar, "mm", where, was.mean()))
     if after.turned.any():
