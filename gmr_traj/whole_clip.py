@@ -28,7 +28,7 @@ from gmr_traj.visited import Visited
 Progress = Callable[[str, int, int], None]
 
 # A row that was not built may be off by this much, by unit.
-TOLERANCE = {"m": 2e-4, "rad": 1e-5, "rad/s": 1e-3, "rad/s^2": 1e-1}
+TOLERANCE = {"m": 4e-4, "rad": 1e-5, "rad/s": 1e-3, "rad/s^2": 1e-1}
 
 # Time around a violated frame that a repair may change [s].
 SURROUNDINGS = 0.5
