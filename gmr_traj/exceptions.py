@@ -41,3 +41,7 @@ class SolverError(GmrTrajError):
 
 class DrawingError(GmrTrajError):
     """Pictures cannot be drawn here: there is no driver to draw with."""
+
+
+class PolicyError(GmrTrajError):
+    """A tracking policy cannot be run: its file, its shapes or its metadata are not what they should be."""

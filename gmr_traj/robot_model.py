@@ -15,7 +15,23 @@ _PACKAGE = "package://"
 
 
 def compile_model(file: RobotFile, keep: frozenset[str] | None = None) -> mujoco.MjModel:
-    """Compile the model file of a robot.
+    """Compile the model file of a robot: what ``model_spec`` makes of it.
+
+    Raises:
+        RobotError: as ``model_spec``; or MuJoCo cannot compile it, or it has joints other than one free joint at the
+            base and at most one hinge in every other body.
+    """
+    spec = model_spec(file, keep)
+    try:
+        model = spec.compile()
+    except ValueError as error:
+        raise RobotError(f"{file.model}: MuJoCo cannot compile it: {_one_line(error)}") from error
+    _check_joints(file, model)
+    return model
+
+
+def model_spec(file: RobotFile, keep: frozenset[str] | None = None) -> mujoco.MjSpec:
+    """The model file of a robot, ready to be compiled or added to.
 
     The world's own shapes (a floor), shapes without contact that carry no mass, and everything that is not a body,
     joint, shape or site (keyframes, actuators, sensors, tendons, equality constraints) go.  A base without a free
@@ -26,8 +42,8 @@ def compile_model(file: RobotFile, keep: frozenset[str] | None = None) -> mujoco
         keep: hinges to keep; the others are locked at zero.  None keeps all.
 
     Raises:
-        RobotError: the file is missing or no model, holds more than one robot, names a collision mesh that is not
-            found, or has joints other than one free joint at the base and at most one hinge in every other body.
+        RobotError: the file is missing or no model, holds more than one robot, or names a collision mesh that is not
+            found.
     """
     if not file.model.is_file():
         raise RobotError(f"{file.path}: model {file.model} does not exist")
@@ -48,12 +64,7 @@ def compile_model(file: RobotFile, keep: frozenset[str] | None = None) -> mujoco
         for joint in list(spec.joints):
             if int(joint.type) == _HINGE and joint.name not in keep:
                 spec.delete(joint)
-    try:
-        model = spec.compile()
-    except ValueError as error:
-        raise RobotError(f"{file.model}: MuJoCo cannot compile it: {_one_line(error)}") from error
-    _check_joints(file, model)
-    return model
+    return spec
 
 
 def _strip(spec: mujoco.MjSpec) -> None:

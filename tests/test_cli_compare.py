@@ -49,6 +49,21 @@ def test_json_and_markdown(clips, tmp_path, capsys):
     assert capsys.readouterr().out == text
 
 
+def test_verification_adds_an_audit_and_rollouts(clips, capsys):
+    command = ["compare", *map(str, clips), "--seconds", "0", "0.3", "--verify"]
+    assert main([*command, "--json"]) == 0
+    values = {metric["key"]: metric["values"] for metric in json.loads(capsys.readouterr().out)["metrics"]}
+    assert values["infeasible_share"]["good"] == 0.0 and values["infeasible_share"]["sunk|"] == 100.0
+    assert values["rollout_success"]["good"] == 100.0 and values["g_mpbpe"]["good"] < 30.0
+    assert values["tracked_source"]["good"] is None, "without a person"
+    assert main(["compare", *map(str, clips), "--seconds", "0", "0.03", "--verify"]) == 2
+    assert "shorter than one control tick" in capsys.readouterr().err
+    assert main([*command[:-1], "--policy", "net.onnx"]) == 2
+    assert "--policy follows the clips of --verify" in capsys.readouterr().err
+    assert main([*command, "--conditions", "storm"]) == 2
+    assert "no config of that name" in capsys.readouterr().err
+
+
 def test_files_are_not_overwritten_unasked(clips, tmp_path, capsys):
     table = tmp_path / "table.md"
     table.write_text("mine")

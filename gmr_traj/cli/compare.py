@@ -14,6 +14,7 @@ from gmr_traj.cli.compare_tables import as_markdown, as_table, where_table
 from gmr_traj.cli.exit_codes import ExitCode
 from gmr_traj.cli.terminal import console
 from gmr_traj.comparison import Comparison, Entrant, Source, as_source, compare
+from gmr_traj.comparison.groups import Group
 from gmr_traj.exceptions import ClipError, GmrTrajError
 from gmr_traj.formats import read_clip
 from gmr_traj.formats.human import read_human
@@ -40,9 +41,10 @@ def run(arguments: Compare) -> int:
     if markdown is not None and not printed:
         _check_output(markdown, arguments)
     robot = load_robot(arguments.robot)
+    more = verification(arguments, robot)
     entrants = read_entrants(arguments, robot)
     source = None if arguments.source is None else read_source(arguments.source, robot, arguments.map)
-    compared = compare(entrants, robot, source=source, seconds=arguments.seconds)
+    compared = compare(entrants, robot, source=source, seconds=arguments.seconds, more=more)
     if arguments.json:
         print(json.dumps(compared.to_json(), indent=2, allow_nan=False))
     elif printed:
@@ -53,6 +55,30 @@ def run(arguments: Compare) -> int:
         with atomic.write(markdown) as stream:
             stream.write(as_markdown(compared).encode())
     return ExitCode.OK
+
+
+def verification(arguments: Compare, robot: Robot) -> tuple[Group, ...]:
+    """The groups that --verify adds.
+
+    Raises:
+        GmrTrajError: the policy or the conditions cannot be used, or there is no --verify to use them.
+    """
+    if not arguments.verify:
+        if arguments.policy is not None:
+            raise GmrTrajError("--policy follows the clips of --verify; give that as well")
+        return ()
+    if arguments.seed < 0:
+        raise GmrTrajError(f"--seed is {arguments.seed}; it must be at least 0")
+    from gmr_traj.verify.compared import verify_groups
+    from gmr_traj.verify.conditions import load_conditions
+    from gmr_traj.verify.policy import load_policy
+    from gmr_traj.verify.trials import Choice
+
+    choice = Choice()
+    if arguments.policy is not None:
+        load_policy(arguments.policy, robot)  # what is wrong with it is said before any work is done
+        choice = Choice("policy", policy=arguments.policy)
+    return verify_groups(choice, load_conditions(arguments.conditions), arguments.seed)
 
 
 def _check_output(markdown: Path, arguments: Compare) -> None:

@@ -38,6 +38,18 @@ class Compare(Common):
     seconds: Annotated[tuple[float, float] | None, named("FROM TO", "what all clips have")] = None
     """Stretch of every clip, and of the source, to compare [s]."""
 
+    verify: bool = False
+    """Audit the clips' dynamics and let a simulated robot follow each (some 3 s of computing a second and clip)."""
+
+    policy: Annotated[Path | None, named("FILE.onnx", "model-predictive control")] = None
+    """With --verify: the trained tracker that follows the clips."""
+
+    conditions: str = "sim"
+    """With --verify: the simulation to follow them in: sim, sim-dr, sim2sim, or a file of your own."""
+
+    seed: int = 0
+    """With --verify: of everything random, the same for all clips."""
+
     json: bool = False
     """Print the comparison as JSON on standard output instead of a table."""
 

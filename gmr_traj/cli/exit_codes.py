@@ -13,6 +13,7 @@ class ExitCode(IntEnum):
     BAD_INPUT = 2
     BROKEN_PROMISE = 3
     NOT_CONVERGED = 4
+    NOT_FOLLOWED = 5
     INTERRUPTED = 130
 
     @property
@@ -22,11 +23,12 @@ class ExitCode(IntEnum):
 
 
 _MEANINGS = {
-    ExitCode.OK: "the clip was written and every promise holds (refine); the report was made (inspect, compare, bench)",
+    ExitCode.OK: "every promise holds (refine); every clip passes (verify); the report was made (others)",
     ExitCode.INTERNAL_ERROR: "a fault in gmr-traj itself; --traceback shows where",
     ExitCode.BAD_INPUT: "bad usage, or a file that cannot be read or written; nothing was written",
     ExitCode.BROKEN_PROMISE: "the clip was written, but a promise of its certificate is broken",
     ExitCode.NOT_CONVERGED: "the solver did not converge; its last iterate is in <output>.unconverged.<suffix>",
+    ExitCode.NOT_FOLLOWED: "a clip asks for what the robot cannot do, or a rollout fell (verify)",
     ExitCode.INTERRUPTED: "interrupted from the keyboard; nothing was written",
 }
 

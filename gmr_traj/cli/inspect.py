@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,9 +13,10 @@ from rich.markup import escape
 
 from gmr_traj import contacts
 from gmr_traj.cli import tables
+from gmr_traj.cli.clip_files import clip_files
 from gmr_traj.cli.exit_codes import ExitCode
 from gmr_traj.cli.terminal import console
-from gmr_traj.exceptions import ClipError, GmrTrajError
+from gmr_traj.exceptions import GmrTrajError
 from gmr_traj.formats import Clip, read_clip
 from gmr_traj.metrics import Artefact, Figures, clip_score
 from gmr_traj.metrics.artefacts import find_artefacts
@@ -24,8 +24,6 @@ from gmr_traj.metrics.figures import figures
 from gmr_traj.metrics.observation import observe
 from gmr_traj.robot import Robot
 from gmr_traj.robot_loading import load_robot, reduce_robot
-
-SUFFIXES = (".csv", ".npz", ".pickle", ".pkl")
 
 
 @dataclass(frozen=True)
@@ -91,7 +89,7 @@ def inspect(
     if top < 1:
         raise GmrTrajError(f"--top is {top}; it must be at least 1")
     full = load_robot(robot)
-    files = list(_files(paths))
+    files = list(clip_files(paths))
     reduced: dict[tuple[str, ...], Robot] = {full.joint_names: full}
     found: list[Inspection] = []
     unreadable: list[tuple[Path, str]] = []
@@ -135,19 +133,6 @@ def inspect_clip(path: Path, clip: Clip, robot: Robot) -> Inspection:
     observation = observe(motion, robot)
     artefacts = find_artefacts(observation, schedule)
     return Inspection(path, clip, clip_score(artefacts, motion), figures(observation, schedule), artefacts)
-
-
-def _files(paths: list[Path]) -> Iterator[Path]:
-    for path in paths:
-        if path.is_dir():
-            clips = sorted(p for p in path.rglob("*") if p.is_file() and p.suffix.lower() in SUFFIXES)
-            if not clips:
-                raise ClipError(f"{path}: no clips in this folder; looked for {', '.join('*' + s for s in SUFFIXES)}")
-            yield from clips
-        elif path.exists():
-            yield path
-        else:
-            raise ClipError(f"{path}: no such file or folder")
 
 
 def _print_report(inspection: Inspection, top: int) -> None:

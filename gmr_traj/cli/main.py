@@ -22,6 +22,7 @@ from gmr_traj.cli import (
     render_arguments,
     report_arguments,
     retarget_arguments,
+    verify_arguments,
     view_arguments,
 )
 from gmr_traj.cli.exit_codes import ExitCode, table
@@ -45,6 +46,7 @@ Command = (
     | Annotated[retarget_arguments.Retarget, tyro.conf.subcommand("retarget")]
     | Annotated[make_map_arguments.MakeMap, tyro.conf.subcommand("make-map")]
     | Annotated[compare_arguments.Compare, tyro.conf.subcommand("compare")]
+    | Annotated[verify_arguments.Verify, tyro.conf.subcommand("verify")]
 )
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from gmr_traj.comparison.entrant import Entrant, Field, align, cut_frames, cut_targets
 from gmr_traj.comparison.figures import Judged
-from gmr_traj.comparison.groups import GROUPS
+from gmr_traj.comparison.groups import GROUPS, Group
 from gmr_traj.comparison.metric import Measure, Metric
 from gmr_traj.comparison.stances import by_vote, from_targets
 from gmr_traj.contacts.schedule import ContactSchedule
@@ -99,6 +99,7 @@ def compare(
     source: Source | None = None,
     seconds: tuple[float, float] | None = None,
     settings: Settings | None = None,
+    more: Sequence[Group] = (),
 ) -> Comparison:
     """Compare retargets of one motion.
 
@@ -113,6 +114,7 @@ def compare(
         source: the human motion, where it is at hand; it begins with the clips.
         seconds: stretch of every clip (and of the source) to compare, from and to [s].
         settings: by default ``configs/compare.toml``.
+        more: further groups, such as ``gmr_traj.verify.compared.verify_groups``.
 
     Raises:
         ClipError: the clips cannot be compared; the message says which and why.
@@ -126,7 +128,7 @@ def compare(
     chosen = settings or shipped("compare")
     judged = [Judged(c, schedule, known, targets, field.bodies, field.fps, chosen) for c in field.clips]
     rows = []
-    for title, metrics, fill in GROUPS:
+    for title, metrics, fill in (*GROUPS, *more):
         cells = [fill(one) for one in judged]
         rows += [Row(title, metric, tuple(own[metric.key] for own in cells)) for metric in metrics]
     notes = field.notes

@@ -8,8 +8,11 @@ from gmr_traj.comparison import figures
 from gmr_traj.comparison.figures import Judged
 from gmr_traj.comparison.metric import Measure, Metric
 
-#: The groups of a comparison in the order of its rows: title, metrics, and what fills them.
-GROUPS: tuple[tuple[str, tuple[Metric, ...], Callable[[Judged], dict[str, Measure]]], ...] = (
+#: A group: its title, its metrics, and what fills them.
+Group = tuple[str, tuple[Metric, ...], Callable[[Judged], dict[str, Measure]]]
+
+#: The groups of a comparison in the order of its rows.
+GROUPS: tuple[Group, ...] = (
     (
         "feet in stance",
         (

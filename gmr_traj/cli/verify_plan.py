@@ -1,0 +1,64 @@
+"""What `gmr-traj verify` is asked to do, checked before any work is done."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+
+from gmr_traj.cli.verify_arguments import Verify
+from gmr_traj.exceptions import GmrTrajError
+from gmr_traj.verify.conditions import Conditions, load_conditions
+from gmr_traj.verify.trials import Choice
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What to do with every clip.
+
+    Attributes:
+        choice: the controller; None for the audit alone.
+        conditions: of the rollouts.
+        starts: frames to begin at; None to find one.
+        workers: processes.
+    """
+
+    choice: Choice | None
+    conditions: tuple[Conditions, ...]
+    starts: tuple[int, ...] | None
+    workers: int
+
+
+def make_plan(arguments: Verify) -> Plan:
+    """Check the arguments before any work is done.
+
+    Raises:
+        GmrTrajError: naming the argument that is out of range.
+    """
+    for name, value, least in (
+        ("--top", arguments.top, 0),
+        ("--trials", arguments.trials, 1),
+        ("--seed", arguments.seed, 0),
+        ("--workers", arguments.workers, 1),
+    ):
+        if value is not None and value < least:
+            raise GmrTrajError(f"{name} is {value}; it must be at least {least}")
+    if arguments.find_start and arguments.start_frame is not None:
+        raise GmrTrajError("--find-start and --start-frame both say where to begin; give one of them")
+    if not arguments.conditions:
+        raise GmrTrajError("--conditions needs at least one name or file; --controller none audits without rollouts")
+    parts = (arguments.start_frame or "0").split(",")
+    if not all(part.strip().isdecimal() for part in parts):
+        raise GmrTrajError(f"--start-frame is {arguments.start_frame!r}; expected frames such as 0,7,49")
+    if arguments.save is not None and not arguments.save.is_dir():
+        raise GmrTrajError(f"--save {arguments.save}: there is no such folder; create it first")
+    if (arguments.controller == "policy") != (arguments.policy is not None):
+        raise GmrTrajError("--controller policy and --policy FILE.onnx belong together; give both")
+    if arguments.steer < 0.0 or (arguments.steer and arguments.policy is None):
+        raise GmrTrajError(f"--steer is {arguments.steer:g}; it is a gain of zero or more, for --policy")
+    conditions = tuple(load_conditions(name) for name in arguments.conditions)
+    choice = None
+    if arguments.controller != "none":
+        presets = ("A", "B") if arguments.preset == "auto" else (arguments.preset,)
+        choice = Choice(arguments.controller, presets, arguments.policy, arguments.steer)
+    starts = None if arguments.find_start else tuple(int(part) for part in parts)
+    return Plan(choice, conditions, starts, arguments.workers or os.cpu_count() or 1)

@@ -1,0 +1,64 @@
+"""The plant: the simulated robot, stepped between control ticks."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from gmr_traj.kinematics.mujoco_kinematics import to_mujoco
+from gmr_traj.verify.reference import CONTROL
+
+_WILD = 100.0  # [rad/s], [m/s] no humanoid moves like this: the simulation has diverged
+
+
+class Plant:
+    """A model with its state, driven by joint targets that are held between control ticks.
+
+    Attributes:
+        diverged: whether the simulation has gone out of bounds; it then stands still.
+        saturated: whether a motor was at its effort limit during the last tick.
+        over_speed: whether a joint was above its velocity limit during the last tick.
+
+    Args:
+        model: from ``simulation_model``; it is changed while it runs, so it must be the plant's own.
+        velocity_limit: a motor gives no torque that would make its joint faster than this [rad/s].  # (n,)
+    """
+
+    def __init__(self, model: mujoco.MjModel, velocity_limit: np.ndarray) -> None:
+        self.model, self.data = model, mujoco.MjData(model)
+        self._velocity_limit = velocity_limit
+        self._effort = np.array(model.actuator_forcerange)
+        self._steps = max(1, round(CONTROL / model.opt.timestep))
+        self.diverged = self.saturated = self.over_speed = False
+
+    def reset(self, q: np.ndarray, v: np.ndarray) -> None:
+        """Start at a configuration and a velocity (world axes)."""
+        mujoco.mj_resetData(self.model, self.data)
+        self.data.qpos[:], self.data.qvel[:] = q, to_mujoco(q, v)
+        mujoco.mj_forward(self.model, self.data)
+        self.diverged = self.saturated = self.over_speed = False
+
+    def advance(self, target: np.ndarray) -> None:
+        """Hold joint targets  # (n,) for one control tick; where the simulation diverges, ``diverged`` is set."""
+        if self.diverged or not np.isfinite(target).all():
+            self.diverged = True
+            return
+        data = self.data
+        data.ctrl[:] = target
+        self.saturated = self.over_speed = False
+        for _ in range(self._steps):
+            speed = data.qvel[6:]
+            limits = self.model.actuator_forcerange
+            limits[:, 0] = np.where(speed < -self._velocity_limit, 0.0, self._effort[:, 0])
+            limits[:, 1] = np.where(speed > self._velocity_limit, 0.0, self._effort[:, 1])
+            self.over_speed |= bool((np.abs(speed) > self._velocity_limit).any())
+            mujoco.mj_step(self.model, data)
+            self.saturated |= bool((np.abs(data.actuator_force) >= self._effort[:, 1] - 1e-9).any())
+            # MuJoCo starts again from its reset state where numbers explode; that would look like a robot that stands.
+            if data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number or np.abs(data.qvel).max() > _WILD:
+                self.diverged = True
+                return
+        if any(
+            data.warning[kind].number for kind in (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL)
+        ):
+            self.diverged = True
