@@ -16,16 +16,12 @@ import numpy as np
 
 from gmr_traj.kinematics.casadi_kinematics import CasadiKinematics
 from gmr_traj.residuals import FrameResidual, Residual
-from gmr_traj.robot import Sole
 from gmr_traj.terms.context import Context
 from gmr_traj.terms.term import Term
 from gmr_traj.variables import Variables
 
 # A foot that tilts far rests on the side of its capsules: rows where they are lower than its sole by more [m].
 _LOWER = 0.001
-
-# Points that are higher than the lowest of their shape by more than this do not come to touch the floor first [m].
-_REACH = 0.05
 
 
 @dataclass(frozen=True)
@@ -43,9 +39,7 @@ class Ground(Term):
         robot = context.robot
         outlines = {sole.body: sole.outline if len(sole.outline) else sole.points for sole in robot.soles}
         out = [
-            self._shape(
-                context, variables, f"{sole.name} sole", sole.body, outlines[sole.body], 0.0, flat=_flat(context, sole)
-            )
+            self._shape(context, variables, f"{sole.name} sole", sole.body, outlines[sole.body], 0.0)
             for sole in robot.soles
         ]
         for capsule in robot.capsules:
@@ -66,22 +60,14 @@ class Ground(Term):
         points: np.ndarray,
         radius: float,
         sole: np.ndarray | None = None,
-        flat: np.ndarray | None = None,
     ) -> FrameResidual | None:
-        """The rows of some points of a body.
-
-        Only the lower points of a shape can touch the floor, and where its ``sole`` is lower than all of them it does.
-        In frames in which it lies ``flat``, its outermost points stand for the others between them.
-        """
+        """The rows of some points of a body; where it has a ``sole``, only those that come lower than that."""
         slot = context.robot.body_names.index(body)
         built = np.zeros((context.frames, len(points)), bool)
         for visited in context.visited:
             positions, rotations = visited.placements
             height = positions[:, slot, None, 2] + rotations[:, slot, 2] @ points.T - radius  # (T, m)
-            low = (height < self.near) & (height < height.min(axis=1, keepdims=True) + _REACH)
-            if flat is not None:
-                # A point that is too low is built all the same: this is how it is found afterwards.
-                low &= ~flat[:, None] | _outermost(points) | (height < self.clearance)
+            low = height < self.near
             if sole is not None:
                 lowest = (positions[:, slot, None, 2] + rotations[:, slot, 2] @ sole.T).min(axis=1, keepdims=True)
                 low &= height < lowest - _LOWER
@@ -104,21 +90,6 @@ class Ground(Term):
             upper=np.full(shape, np.inf),
             weights=np.full(shape, context.dt / self.scale**2),
         )
-
-
-def _flat(context: Context, sole: Sole) -> np.ndarray:
-    """Frames in which at least three points of a sole are held on the floor by their anchors.  # (T,)"""
-    held = np.zeros((context.frames, len(sole.points)), bool)
-    for stance in context.schedule.stances:
-        if stance.sole == sole.name:
-            held[stance.start : stance.stop, stance.point] = True
-    return np.asarray(held.sum(axis=1) >= 3)
-
-
-def _outermost(points: np.ndarray) -> np.ndarray:
-    """The points that are farthest to the front, the back and either side in the body's frame.  # (m,) bool"""
-    ends = {int(k) for k in (*points[:, :2].argmin(axis=0), *points[:, :2].argmax(axis=0))}
-    return np.isin(np.arange(len(points)), list(ends))
 
 
 @lru_cache(maxsize=256)
