@@ -63,6 +63,8 @@ def test_json(clips, tmp_path, capsys):
         (["--conditions"], "--conditions needs at least one name or file"),
         (["--conditions", "storm"], "storm: no such file, and no config of that name"),
         (["--save", "no/such/folder"], "there is no such folder"),
+        (["--rerun", "out.rrd", "--controller", "none"], "--rerun shows one clip and its rollouts"),
+        (["--rerun", "out.mp4"], "out.mp4: a recording ends in .rrd"),
         (["--robot", "none"], "none: no such file, and no model of that name"),
     ],
 )
@@ -114,6 +116,24 @@ def test_rollouts_in_table_and_json(clips, tmp_path, capsys):
         ("sim", 0, 1), ("sim", 3, 1), ("sim-dr", 0, 2), ("sim-dr", 3, 2),
     ]  # fmt: skip
     assert all(r["success"] == 1.0 and r["g_mpbpe"] > 0.0 for r in rollouts)
+
+
+def test_a_recording_of_the_rollouts(clips, tmp_path, capsys, monkeypatch):
+    from gmr_traj import viewer
+
+    monkeypatch.chdir(tmp_path)
+    shown, save_recording = [], viewer.save
+    monkeypatch.setattr(viewer, "save", lambda scene, path: (shown.append(scene), save_recording(scene, path)))
+    command = ["verify", str(clips[0]), "--seconds", "0", "0.4", "--workers", "1", "--controller", "pd"]
+    assert main([*command, "--start-frame", "3", "--rerun", "out.rrd"]) == ExitCode.OK
+    assert (tmp_path / "out.rrd").stat().st_size > 10_000
+    clip, rollout = shown[0].tracks
+    assert (clip.name, rollout.name) == ("clip", "rollout sim")
+    assert clip.forces is None and rollout.forces.forces.shape == (rollout.motion.frames, 30, 3)
+    weight = 9.81 * load_robot("unitree_g1").model.body_mass.sum()
+    assert rollout.forces.forces[5:, :, 2].sum(axis=1).mean() == pytest.approx(weight, rel=0.3)
+    assert main([*command, "--rerun", "out.rrd"]) == ExitCode.BAD_INPUT
+    assert "this file exists" in capsys.readouterr().err
 
 
 def test_a_clip_that_leaps_across_the_world_is_a_fall_and_not_a_hang(tmp_path, g1, capsys, monkeypatch):

@@ -49,7 +49,18 @@ def test_options_named_in_the_readme_exist(capsys):
     from gmr_traj.cli.main import main
 
     known = ""
-    for subcommand in ("refine", "retarget", "compare", "inspect", "view", "render", "report", "make-map", "bench"):
+    for subcommand in (
+        "refine",
+        "retarget",
+        "compare",
+        "inspect",
+        "view",
+        "render",
+        "report",
+        "verify",
+        "make-map",
+        "bench",
+    ):
         with pytest.raises(SystemExit):
             main([subcommand, "--help"])
         known += capsys.readouterr().out

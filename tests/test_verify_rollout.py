@@ -199,6 +199,29 @@ def test_a_measurement_without_noise_and_delay_is_the_state_and_a_late_one_is_pr
         assert max(errors[latency + 1 :]) < tolerance
 
 
+def test_the_floor_s_forces_are_those_that_move_the_robot(g1, plant):
+    """Newton's second law of the whole robot: what the floor gives less its weight is what its momentum changes by."""
+    bodies = [int(plant.model.body(name).id) for name in g1.body_names]
+    plant.reset(g1.nominal, np.zeros(35))
+    points, forces = plant.contact_forces(bodies)
+    momentum, impulse, mass = [], np.zeros(3), plant.model.body_mass.sum()
+    for _ in range(20):
+        mujoco.mj_subtreeVel(plant.model, plant.data)
+        momentum.append(mass * plant.data.subtree_linvel[1].copy())
+        mujoco.mj_step1(plant.model, plant.data)
+        mujoco.mj_step2(plant.model, plant.data)
+        points, forces = plant.contact_forces(bodies)
+        impulse += plant.model.opt.timestep * (forces.sum(axis=0) + mass * plant.model.opt.gravity)
+    mujoco.mj_subtreeVel(plant.model, plant.data)
+    change = mass * plant.data.subtree_linvel[1] - momentum[0]
+    np.testing.assert_allclose(impulse, change, atol=0.05 * mass * 9.81 * 20 * plant.model.opt.timestep)
+    feet = [g1.body_names.index(sole.body) for sole in g1.soles]
+    assert (forces[feet, 2] > 50).all() and np.abs(points[feet, 2]).max() < 0.01
+    others = np.delete(np.arange(len(bodies)), feet)
+    assert not forces[others].any()
+    np.testing.assert_array_equal(points[others], plant.data.xpos[np.array(bodies)[others]])
+
+
 def test_trials_differ_by_their_seed_alone(g1):
     ranges = load_conditions("sim-dr").randomise
     draws = [Disturbance(g1, ranges, np.random.default_rng(seed)) for seed in (3, 3, 4)]

@@ -92,6 +92,8 @@ def run(arguments: Verify) -> int:
             verified = verify_clip(path, clip, robot, arguments, plan)
             if arguments.save is not None:
                 save(verified, robot, arguments.save, arguments.force)
+            if arguments.rerun is not None:
+                record(verified, robot, arguments.rerun)
             found.append(verified)
         except (GmrTrajError, OSError) as error:
             line = " ".join(str(error).split())
@@ -168,3 +170,20 @@ def save(verified: Verified, robot: Robot, folder: Path, force: bool) -> None:
             if target.exists() and not force:
                 raise GmrTrajError(f"{target}: this file exists; overwrite it with --force")
             write_clip(Clip(rollout.motion, "gmr-traj"), target, robot=robot)
+
+
+def record(verified: Verified, robot: Robot, path: Path) -> None:
+    """Write a recording: the clip, and beside it the first rollout under each of the conditions."""
+    from gmr_traj.track import track
+    from gmr_traj.viewer import Scene
+    from gmr_traj.viewer import save as save_recording
+
+    begun = verified.trials[0].start_frame
+    clip = verified.motion.with_qpos(verified.motion.qpos[begun:])
+    tracks = [track("clip", clip, robot, level=False)]
+    for trials in verified.trials:
+        if trials.start_frame == begun:
+            first = trials.rollouts[0]
+            name = f"rollout {trials.conditions}"
+            tracks.append(track(name, first.motion, robot, level=False, forces=first.forces))
+    save_recording(Scene(title=path.stem, tracks=tuple(tracks)), path)

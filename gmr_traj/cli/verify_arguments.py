@@ -65,6 +65,9 @@ class Verify(Common):
     save: Annotated[Path | None, named("FOLDER", "not written")] = None
     """Write what the robot did in each rollout into this folder, as clips (gmr-traj npz, 50 Hz)."""
 
+    rerun: Annotated[Path | None, named("RRD", "not written")] = None
+    """Write a recording of one clip and its rollouts, with the floor's forces, for the rerun viewer."""
+
     force: bool = False
     """Overwrite files that exist."""
 

@@ -6,6 +6,7 @@ import os
 from dataclasses import dataclass
 
 from gmr_traj.cli.verify_arguments import Verify
+from gmr_traj.cli.view import check_recording
 from gmr_traj.exceptions import GmrTrajError
 from gmr_traj.verify.conditions import Conditions, load_conditions
 from gmr_traj.verify.trials import Choice
@@ -55,6 +56,10 @@ def make_plan(arguments: Verify) -> Plan:
         raise GmrTrajError("--controller policy and --policy FILE.onnx belong together; give both")
     if arguments.steer < 0.0 or (arguments.steer and arguments.policy is None):
         raise GmrTrajError(f"--steer is {arguments.steer:g}; it is a gain of zero or more, for --policy")
+    if arguments.rerun is not None:
+        if len(arguments.clips) != 1 or not arguments.clips[0].is_file() or arguments.controller == "none":
+            raise GmrTrajError("--rerun shows one clip and its rollouts; name one file, and a controller")
+        check_recording(arguments.rerun, arguments.clips, arguments.force)
     conditions = tuple(load_conditions(name) for name in arguments.conditions)
     choice = None
     if arguments.controller != "none":

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import mujoco
 import numpy as np
 
@@ -37,6 +39,36 @@ class Plant:
         self.data.qpos[:], self.data.qvel[:] = q, to_mujoco(q, v)
         mujoco.mj_forward(self.model, self.data)
         self.diverged = self.saturated = self.over_speed = False
+
+    def contact_forces(self, bodies: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+        """What the floor does to some bodies now.
+
+        Args:
+            bodies: ids of the model's bodies.  # B
+
+        Returns:
+            the points where the floor's forces act in the mean, weighted with them [m], and their sums [N], both in the
+            world; a body that does not touch has its origin and zero.  # (B, 3), (B, 3)
+        """
+        place = {body: k for k, body in enumerate(bodies)}
+        points, forces = np.array(self.data.xpos[list(bodies)]), np.zeros((len(bodies), 3))
+        moments, weights = np.zeros_like(forces), np.zeros(len(bodies))
+        wrench = np.zeros(6)
+        for k in range(self.data.ncon):
+            contact = self.data.contact[k]
+            one, two = (int(self.model.geom_bodyid[geom]) for geom in contact.geom)
+            if (one == 0) == (two == 0):
+                continue  # robot against robot
+            mujoco.mj_contactForce(self.model, self.data, k, wrench)
+            # The force is on the second geom, in the contact's frame, whose axes are the rows of ``frame``.
+            force = (1.0 if one == 0 else -1.0) * (contact.frame.reshape(3, 3).T @ wrench[:3])
+            b, size = place[two if one == 0 else one], float(np.linalg.norm(wrench[:3]))
+            forces[b] += force
+            moments[b] += size * contact.pos
+            weights[b] += size
+        touching = weights > 0
+        points[touching] = moments[touching] / weights[touching, None]
+        return points, forces
 
     def advance(self, target: np.ndarray) -> None:
         """Hold joint targets  # (n,) for one control tick; where the simulation diverges, ``diverged`` is set."""

@@ -13,6 +13,7 @@ from gmr_traj.exceptions import ClipError
 from gmr_traj.kinematics.mujoco_kinematics import placements
 from gmr_traj.motion import RobotMotion
 from gmr_traj.robot import Robot
+from gmr_traj.track import ContactForces
 from gmr_traj.verify.conditions import Conditions, PlantSettings
 from gmr_traj.verify.controller import Controller
 from gmr_traj.verify.disturbance import Disturbance
@@ -40,11 +41,13 @@ class Rollout:
         controller: which one.
         tracking: how well it followed.
         motion: what the robot did, at 50 Hz until the end or the fall.
+        forces: of the floor on the robot's bodies, in every frame of ``motion``.
     """
 
     controller: str
     tracking: Tracking
     motion: RobotMotion
+    forces: ContactForces
 
 
 @no_log_file()
@@ -92,7 +95,9 @@ def roll_out(
         estimator = Estimator(believed, conditions.sensing, rng)
     plant.reset(*starting_state(reference, start))
     rules, held = Rules(robot), None
+    bodies = [int(model.body(name).id) for name in robot.body_names]
     states, flags, reason = [plant.data.qpos.copy()], [(False, False)], ""
+    touched = [plant.contact_forces(bodies)]
     for tick in range(reference.ticks - 1):
         if progress is not None:
             progress(tick, reference.ticks - 1)
@@ -116,6 +121,7 @@ def roll_out(
         if reason:
             break
         states.append(plant.data.qpos.copy())
+        touched.append(plant.contact_forces(bodies))
         flags.append((plant.saturated, plant.over_speed))
     qpos, marks = np.array(states), np.array(flags)
     wanted = np.stack([reference.at(tick)[0] for tick in range(len(qpos))])
@@ -123,7 +129,9 @@ def roll_out(
         robot, qpos, wanted, tick=CONTROL, ticks=reference.ticks, reason=reason,
         saturated=marks[:, 0], over_speed=marks[:, 1],
     )  # fmt: skip
-    return Rollout(controller.name, followed, RobotMotion(qpos, 1.0 / CONTROL, robot.joint_names, robot.name))
+    motion = RobotMotion(qpos, 1.0 / CONTROL, robot.joint_names, robot.name)
+    forces = ContactForces(*(np.stack(each) for each in zip(*touched, strict=True)))
+    return Rollout(controller.name, followed, motion, forces)
 
 
 def plant_model(robot: Robot, drive: Motors, settings: PlantSettings) -> mujoco.MjModel:
