@@ -37,6 +37,8 @@ def fitted(references: BodyTargets, robot: Robot, motion: RobotMotion, trust: np
         trust: how far each of its frames is to be believed, in (0, 1].  # (T,)
     """
     known = references.of(robot.body_names)
+    if not known.names:
+        return known
     slots = [robot.body_names.index(name) for name in known.names]
     positions, rotations = placements(robot, motion.qpos)
     at = positions[:, slots] + np.einsum("tbij,bj->tbi", rotations[:, slots], known.points)

@@ -143,6 +143,7 @@ def test_bodies_that_the_robot_has_not_are_left_out() -> None:
     renamed = replace(targets_of(motion), names=("torso", "tail", "hand"))
     found = fitted(renamed, toy(), motion, np.ones(9))
     assert found.names == ("torso", "hand")
+    assert fitted(replace(renamed, names=("trunk", "tail", "paw")), toy(), motion, np.ones(9)).names == ()
     np.testing.assert_allclose(found.positions, renamed.positions[:, [0, 2]], atol=1e-12)
 
 
