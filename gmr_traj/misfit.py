@@ -41,7 +41,7 @@ def fitted(references: BodyTargets, robot: Robot, motion: RobotMotion, trust: np
         return known
     slots = [robot.body_names.index(name) for name in known.names]
     positions, rotations = placements(robot, motion.qpos)
-    at = positions[:, slots] + np.einsum("tbij,bj->tbi", rotations[:, slots], known.points)
+    at = known.reached(robot.body_names, positions, rotations)
     source = Rotation.from_quat(known.quaternions.reshape(-1, 4), scalar_first=True)
     turned = (Rotation.from_matrix(rotations[:, slots].reshape(-1, 3, 3)) * source.inv()).as_rotvec()
     spread = SPREAD * motion.fps

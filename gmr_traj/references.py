@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -88,6 +88,17 @@ class BodyTargets:
             orientation_weights=self.orientation_weights[kept],
             points=self.points[kept],
         )
+
+    def reached(self, body_names: Sequence[str], positions: np.ndarray, rotations: np.ndarray) -> np.ndarray:
+        """Where a motion has the points that are meant [m].  # (T, B, 3)
+
+        Args:
+            body_names: the robot's bodies, all of these among them.  # N
+            positions: their origins in the world [m].  # (T, N, 3)
+            rotations: their orientations in the world.  # (T, N, 3, 3)
+        """
+        slots = [body_names.index(name) for name in self.names]
+        return np.asarray(positions[:, slots] + np.einsum("tbij,bj->tbi", rotations[:, slots], self.points))
 
     def part(self, start: int, stop: int) -> BodyTargets:
         """Frames ``start`` to ``stop``."""

@@ -65,7 +65,7 @@ def target_distances(observation: Observation, targets: BodyTargets, bodies: Col
     slots = [robot.body_names.index(targets.names[i]) for i in chosen]
     placed = targets.position_weights[chosen] > 0.0
     rotations = observation.rotations[:, slots]  # (T, B, 3, 3)
-    points = observation.positions[:, slots] + np.einsum("tbij,bj->tbi", rotations, targets.points[chosen])
+    points = targets.of(bodies).reached(robot.body_names, observation.positions, observation.rotations)
     wanted = targets.positions[:, chosen]
     turn, shift = planar_alignment(points[:, placed], wanted[:, placed])
     yaw = Rotation.from_euler("z", turn).as_matrix()

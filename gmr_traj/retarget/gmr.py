@@ -13,8 +13,6 @@ Afterwards the whole clip is raised or lowered so that the lowest point of soles
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from gmr_traj import resources
@@ -57,8 +55,7 @@ def solve(human: HumanMotion, robot: Robot, body_map: BodyMap, options: Options)
     qpos = solver.clip(q)
     found = heights(robot, qpos)
     qpos[:, 2] += found.raise_by
-    raised = replace(targets, positions=targets.positions + np.array([0.0, 0.0, found.raise_by]))
-    return Solved(qpos, raised, found.raise_by, solver.steps, (*notes, *found.notes()))
+    return Solved(qpos, targets.raised(found.raise_by), found.raise_by, solver.steps, (*notes, *found.notes()))
 
 
 def start(solver: FrameSolver, body_map: BodyMap) -> np.ndarray:

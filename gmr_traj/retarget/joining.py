@@ -77,7 +77,8 @@ def join(
         )
     at = np.minimum(np.arange(motion.frames), targets.frames - 1)
     targets = replace(targets, positions=targets.positions[at], quaternions=targets.quaternions[at])
-    turn, shift = _to_the_clip(targets, motion, robot)
+    reached = targets.reached(robot.body_names, *placements(robot, motion.qpos))
+    turn, shift = _to_the_clip(targets, reached)
     if abs(turn) > np.radians(1.0) or np.linalg.norm(shift) > 0.01:
         notes.append(
             f"{name} is turned by {np.degrees(turn):.0f} degrees and shifted by {np.linalg.norm(shift):.2f} m "
@@ -90,35 +91,27 @@ def join(
         positions=targets.positions @ yaw.as_matrix().T + shift,
         quaternions=turned.as_quat(scalar_first=True).reshape(targets.quaternions.shape),
     )
-    _check(targets, motion, robot, name)
+    _check(targets, reached, robot.body_names[0], name)
     if stances is not None:
         stances = resample_schedule(stances, motion.fps, motion.frames)
     return Joined(targets, stances, tuple(notes))
 
 
-def _points(targets: BodyTargets, motion: RobotMotion, robot: Robot) -> np.ndarray:
-    """Where the clip has the points that the targets are for [m].  # (T, B, 3)"""
-    slots = [robot.body_names.index(name) for name in targets.names]
-    positions, rotations = placements(robot, motion.qpos)
-    return np.asarray(positions[:, slots] + np.einsum("tbij,bj->tbi", rotations[:, slots], targets.points))
-
-
-def _to_the_clip(targets: BodyTargets, motion: RobotMotion, robot: Robot) -> tuple[float, np.ndarray]:
-    """The turn about the vertical [rad] and the shift [m] that bring the targets to the clip."""
+def _to_the_clip(targets: BodyTargets, reached: np.ndarray) -> tuple[float, np.ndarray]:
+    """The turn about the vertical [rad] and the shift [m] that bring the targets to what the clip reached."""
     placed = targets.position_weights > 0
-    there, here = _points(targets, motion, robot)[:, placed], targets.positions[:, placed]
+    there, here = reached[:, placed], targets.positions[:, placed]
     turn, shift = planar_alignment(here, there)
     shift[2] = np.median(there[..., 2] - here[..., 2]) if here.size else 0.0
     return turn, shift
 
 
-def _check(targets: BodyTargets, motion: RobotMotion, robot: Robot, name: str) -> None:
+def _check(targets: BodyTargets, reached: np.ndarray, base: str, name: str) -> None:
     """Refuse a source whose bodies, seen from the base, are nowhere near the clip's."""
-    base = robot.body_names[0]
     if base not in targets.names:
         return
     b = targets.names.index(base)
-    away = _points(targets, motion, robot) - targets.positions
+    away = reached - targets.positions
     apart = float(np.linalg.norm(away - away[:, [b]], axis=-1).mean())
     if apart > ALIKE:
         raise ClipError(
