@@ -40,7 +40,8 @@ def run(arguments: Refine) -> int:
     Raises:
         GmrTrajError: anything the user can put right; nothing was written then.
     """
-    file_format = arguments.format or ("gmr-traj" if is_human(arguments.clip) else None)
+    method = arguments.method if is_human(arguments.clip) else None
+    file_format = arguments.format or (None if method is None else "gmr-traj")
     planned = outputs.plan(arguments.clip, arguments.output, file_format, arguments.save_contacts, arguments.force)
     recording = recordings.plan(arguments)
     problem = load_problem(arguments.problem)
@@ -71,7 +72,7 @@ def run(arguments: Refine) -> int:
             clip.motion, written, robot, schedule, levelling=schedule.height, references=clip.references
         )
         code = _exit_code(converged, certificate)
-        report = _report(arguments, target, clip, refinement, certificate, code)
+        report = _report(arguments, method, target, clip, refinement, certificate, code)
         report["audit"] = _audit(written, robot)
         text = json.dumps(report, indent=2) + "\n"
         if recording is not None:
@@ -127,15 +128,21 @@ def _exit_code(converged: bool, certificate: Certificate) -> ExitCode:
 
 
 def _report(
-    arguments: Refine, target: Path, clip: Clip, refinement: Refinement, certificate: Certificate, code: ExitCode
+    arguments: Refine,
+    method: str | None,
+    target: Path,
+    clip: Clip,
+    refinement: Refinement,
+    certificate: Certificate,
+    code: ExitCode,
 ) -> dict[str, Any]:
-    """Everything there is to know about the run, ready for JSON."""
+    """Everything there is to know about the run, ready for JSON; ``method`` is how a human motion was retargeted."""
     return {
         "gmr_traj": __version__,
         "input": str(arguments.clip),
         "output": str(target),
         "source": None if arguments.source is None else str(arguments.source),
-        "retargeted": arguments.method if is_human(arguments.clip) else None,
+        "retargeted": method,
         "format": arguments.format or clip.format,
         "robot": arguments.robot,
         "problem": arguments.problem,
