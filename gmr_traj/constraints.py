@@ -10,6 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from gmr_traj.assembly import SparseSum, frozen, gather, mapped, nonzeros, to_dm, widen
+from gmr_traj.band.frames import evaluated
 from gmr_traj.exceptions import ProblemError
 from gmr_traj.residuals import FrameResidual, LinearResidual, Residual, Used
 from gmr_traj.variables import Variables
@@ -155,8 +156,7 @@ def _values(residual: Residual, x: np.ndarray) -> np.ndarray:
     """Rows of a residual at x, frame after frame; linear ones without their offset."""
     if isinstance(residual, LinearResidual):
         return np.asarray(residual.matrix @ x[: residual.matrix.shape[1]])
-    z = x[residual.columns].T
-    return np.array(residual.value.map(len(residual.frames))(z, residual.parameters)).ravel(order="F")
+    return evaluated(residual.value, residual.columns, residual.parameters, x).ravel(order="F")
 
 
 def _changeable(residual: Residual, free: np.ndarray) -> np.ndarray:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import casadi as ca
 import numpy as np
 
+from gmr_traj.band.frames import evaluated
 from gmr_traj.frame_costs import gauss_newton
 from gmr_traj.outcome import TermReport
 from gmr_traj.residuals import FrameResidual, LinearResidual, Residual, Used, exceedance
@@ -48,9 +48,7 @@ def evaluate(residual: Residual, x: np.ndarray) -> Values:
     if residual.gauss_newton is not None:
         nothing = np.zeros(0, int)
         return Values(residual, nothing, nothing, np.zeros(0))
-    count = len(residual.frames)
-    z = x[residual.columns].T
-    values = np.array(residual.value.map(count)(z, residual.parameters)).reshape(-1, count)
+    values = evaluated(residual.value, residual.columns, residual.parameters, x)
     off = exceedance(values, residual.lower, residual.upper)
     row, column = _bounded(residual)
     return Values(residual, row, residual.frames[column], off[row, column])
@@ -95,4 +93,4 @@ def _cost(residual: Residual, x: np.ndarray) -> float:
         return 0.5 * float(residual.weights @ error**2)
     assert isinstance(residual, FrameResidual)
     functions, parameters = gauss_newton(residual)
-    return float(ca.sum2(functions.value.map(len(residual.frames))(x[residual.columns].T, parameters)))
+    return float(evaluated(functions.value, residual.columns, parameters, x).sum())

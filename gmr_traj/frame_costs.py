@@ -35,7 +35,7 @@ def gauss_newton(residual: FrameResidual) -> tuple[GaussNewton, np.ndarray]:
 
 @lru_cache(maxsize=512)
 def _functions(value: ca.Function, jacobian: ca.Function) -> GaussNewton:
-    """The three functions; kept, because a term of the same robot comes back in every window and pass."""
+    """The functions; kept, because a term of the same robot comes back in every window and pass."""
     z = ca.SX.sym("z", value.size1_in(0))
     own = ca.SX.sym("own", value.size1_in(1))
     m = value.size1_out(0)
@@ -46,12 +46,6 @@ def _functions(value: ca.Function, jacobian: ca.Function) -> GaussNewton:
     # Equal bounds are a target: outside on one side or the other everywhere.
     outside = ca.logic_or(ca.logic_or(r < lower, r > upper), lower == upper)
     error = above - below
-    options = {"cse": True}
-    names = (["z", "p"], ["out"])
     cost = 0.5 * ca.sum1(weights * error**2)
     hessian = ca.triu(j.T @ (ca.repmat(weights * outside, 1, j.shape[1]) * j))
-    return GaussNewton(
-        value=ca.Function("value", [z, p], [cost], *names, options),
-        gradient=ca.Function("gradient", [z, p], [j.T @ (weights * error)], *names, options),
-        hessian=ca.Function("hessian", [z, p], [ca.sparsify(hessian)], *names, options),
-    )
+    return GaussNewton(z, p, cost, j.T @ (weights * error), ca.sparsify(hessian))

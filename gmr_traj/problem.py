@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import tomllib
 from collections.abc import Mapping
@@ -10,8 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from gmr_traj import resources
+from gmr_traj.attempts import Attempt
+from gmr_traj.band.settings import Settings
+from gmr_traj.engines import ENGINES
 from gmr_traj.exceptions import ProblemError
-from gmr_traj.solver import Attempt, refused_options
+from gmr_traj.solver import refused_options
 from gmr_traj.terms import TERMS
 from gmr_traj.terms.term import Term
 from gmr_traj.toml_table import Table
@@ -106,10 +110,27 @@ def _number(table: Table, key: str) -> float:
 
 
 def _strategy(table: Table, common: Mapping[str, Any]) -> Attempt:
-    name = table.text("name")
-    own = {option: value for option, value in table.values.items() if option != "name"}
+    name, engine = table.text("name"), table.text("engine", "ipopt")
+    if engine not in ENGINES:
+        raise table.error(f"({name}) has engine {engine!r}; there are {', '.join(ENGINES)}")
+    own = {option: value for option, value in table.values.items() if option not in ("name", "engine")}
+    if engine == "band":
+        return Attempt(name, _band_options(table, common, own), engine)
     refused = refused_options({**common, **own})
     if refused:
         option, value = next(iter(refused.items()))
         raise table.error(f"({name}): Ipopt does not take {option} = {value!r}; see Ipopt's list of options")
     return Attempt(name, {**common, **own})
+
+
+def _band_options(table: Table, common: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
+    """The engine's own options, and of the common ones those that it shares with Ipopt."""
+    known = {field.name: type(field.default) for field in fields(Settings)}
+    for option, value in own.items():
+        if option not in known:
+            raise table.error(f"has the unknown option {option!r} of engine band; there are {', '.join(known)}")
+        whole = known[option] is int
+        if isinstance(value, bool) or not isinstance(value, int if whole else int | float) or not 0 < value < math.inf:
+            raise table.error(f"{option} is {value!r}; expected a positive {'whole ' if whole else ''}number")
+    shared = {option: value for option, value in common.items() if option in known}
+    return {**shared, **own}

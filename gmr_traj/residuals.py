@@ -13,27 +13,52 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
 import scipy.sparse as sp
 
 
-@dataclass(frozen=True)
 class GaussNewton:
     """A cost with its exact gradient and a positive semidefinite model of its Hessian, as functions of (z, p).
 
-    For costs whose structure gives the Gauss-Newton Hessian cheaper than ``J' W J``.
+    For costs whose structure gives the Gauss-Newton Hessian cheaper than ``J' W J``.  A function is made when it is
+    first asked for: an engine needs either ``joint`` or the others.
 
-    Attributes:
-        value: (z, p) -> scalar.
-        gradient: (z, p) -> gradient.  # (nz, 1)
-        hessian: (z, p) -> upper triangle, sparse.  # (nz, nz)
+    Args:
+        z, p: symbols.
+        cost: of them.  # (1, 1)
+        gradient: its gradient.  # (nz, 1)
+        hessian: upper triangle of the model, sparse.  # (nz, nz)
     """
 
-    value: ca.Function
-    gradient: ca.Function
-    hessian: ca.Function
+    def __init__(self, z: ca.SX, p: ca.SX, cost: ca.SX, gradient: ca.SX, hessian: ca.SX) -> None:
+        self._inputs = [z, p]
+        self._outputs = [cost, gradient, hessian]
+
+    def _function(self, name: str, outputs: list[ca.SX]) -> ca.Function:
+        return ca.Function(name, self._inputs, outputs, {"cse": True})
+
+    @cached_property
+    def value(self) -> ca.Function:
+        """(z, p) -> cost."""
+        return self._function("value", self._outputs[:1])
+
+    @cached_property
+    def gradient(self) -> ca.Function:
+        """(z, p) -> gradient."""
+        return self._function("gradient", self._outputs[1:2])
+
+    @cached_property
+    def hessian(self) -> ca.Function:
+        """(z, p) -> Hessian."""
+        return self._function("hessian", self._outputs[2:])
+
+    @cached_property
+    def joint(self) -> ca.Function:
+        """(z, p) -> all three; what they share is computed once."""
+        return self._function("joint", self._outputs)
 
 
 @dataclass(frozen=True)

@@ -6,58 +6,21 @@ import contextlib
 import io
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from gmr_traj.attempts import Attempt, Solution
 from gmr_traj.exceptions import SolverError
 from gmr_traj.transcription import Nlp
 
 CONVERGED = ("Solve_Succeeded",)
 ACCEPTABLE = ("Solved_To_Acceptable_Level",)
-#: What a solution can be, the best first.
-RANKING = ("converged", "acceptable", "not converged")
 INTERRUPTED = ("User_Requested_Stop",)
 _UNUSABLE = ("Invalid_Option", "Invalid_Problem_Definition", "Internal_Error", "Insufficient_Memory")
 _SILENT = {"print_level": 0, "sb": "yes"}
-
-
-@dataclass(frozen=True)
-class Attempt:
-    """One strategy: a name and Ipopt's options for it."""
-
-    name: str
-    options: Mapping[str, object]
-
-
-@dataclass(frozen=True)
-class Solution:
-    """What Ipopt returned.
-
-    Attributes:
-        x: the unknowns.  # (nx,)
-        status: ``converged``, ``acceptable`` or ``not converged``.
-        solver_status: Ipopt's own word.
-        strategy: name of the attempt that gave this.
-        iterations: of all attempts.
-        seconds: wall-clock time of all attempts.
-        evaluation_seconds: the part spent in function evaluations.
-        objective: f(x).
-        trace: objective and infeasibilities by iteration, for plots.
-    """
-
-    x: np.ndarray
-    status: str
-    solver_status: str
-    strategy: str
-    iterations: int
-    seconds: float
-    evaluation_seconds: float
-    objective: float
-    trace: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
 
 @lru_cache(maxsize=256)
@@ -84,43 +47,33 @@ def refused_options(options: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def solve(nlp: Nlp, attempts: tuple[Attempt, ...]) -> Solution:
-    """Try the attempts in turn, each from where the last one stopped, until one converges or is acceptable.
+def solve(nlp: Nlp, attempt: Attempt, start: np.ndarray) -> Solution:
+    """One attempt from a starting point.
 
     Raises:
         SolverError: Ipopt could not be run with these options.
         KeyboardInterrupt: passed on.
     """
-    iterations, seconds, evaluation = 0, 0.0, 0.0
-    start = nlp.initial
-    best: Solution | None = None
-    for attempt in attempts:
-        solver = _solver(nlp, attempt)
-        started = time.perf_counter()
-        result = solver(x0=start, lbx=nlp.lower, ubx=nlp.upper, lbg=nlp.row_lower, ubg=nlp.row_upper)
-        stats = solver.stats()
-        word = str(stats["return_status"])
-        if word in _UNUSABLE:
-            raise SolverError(f"Ipopt stopped with {word} (strategy {attempt.name})")
-        if word in INTERRUPTED:
-            raise KeyboardInterrupt
-        iterations += int(stats["iter_count"])
-        seconds += time.perf_counter() - started
-        evaluation += sum(
-            float(value) for key, value in stats.items() if key.startswith("t_wall_nlp_") and key != "t_wall_nlp_total"
-        )
-        x = np.array(result["x"]).ravel()
-        status = "converged" if word in CONVERGED else "acceptable" if word in ACCEPTABLE else "not converged"
-        if not np.isfinite(x).all():
-            x, status = start, "not converged"
-        trace = {key: tuple(map(float, values)) for key, values in stats.get("iterations", {}).items()}
-        latest = Solution(x, status, word, attempt.name, iterations, seconds, evaluation, float(result["f"]), trace)
-        if status != "not converged":
-            return latest
-        best, start = latest, x
-    if best is None:
-        raise SolverError("the problem names no solver strategy")
-    return best
+    solver = _solver(nlp, attempt)
+    started = time.perf_counter()
+    result = solver(x0=start, lbx=nlp.lower, ubx=nlp.upper, lbg=nlp.row_lower, ubg=nlp.row_upper)
+    stats = solver.stats()
+    word = str(stats["return_status"])
+    if word in _UNUSABLE:
+        raise SolverError(f"Ipopt stopped with {word} (strategy {attempt.name})")
+    if word in INTERRUPTED:
+        raise KeyboardInterrupt
+    seconds = time.perf_counter() - started
+    evaluation = sum(
+        float(value) for key, value in stats.items() if key.startswith("t_wall_nlp_") and key != "t_wall_nlp_total"
+    )
+    x = np.array(result["x"]).ravel()
+    status = "converged" if word in CONVERGED else "acceptable" if word in ACCEPTABLE else "not converged"
+    if not np.isfinite(x).all():
+        x, status = start, "not converged"
+    trace = {key: tuple(map(float, values)) for key, values in stats.get("iterations", {}).items()}
+    iterations = int(stats["iter_count"])
+    return Solution(x, status, word, attempt.name, iterations, seconds, evaluation, float(result["f"]), trace)
 
 
 def _solver(nlp: Nlp, attempt: Attempt) -> ca.Function:

@@ -1,6 +1,4 @@
-"""From residuals and the uses made of them to one sparse nonlinear program.
-
-    min  f(x) = 1/2 x'Qx + c'x + c0 + sum_k phi_k(x[cols_k])    s.t.  l <= g(x) <= u,  lx <= x <= ux
+"""A formulation in CasADi's symbols, with all derivatives: the sparse nonlinear program that Ipopt takes.
 
 The curvature of constraints is left out, so the Hessian is that of the objective's Gauss-Newton model: positive
 semidefinite by construction, it never needs to be convexified.
@@ -8,17 +6,12 @@ semidefinite by construction, it never needs to be convexified.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
-from gmr_traj.constraints import Constraints
-from gmr_traj.exceptions import ProblemError
-from gmr_traj.objective import Objective
-from gmr_traj.residuals import Used
-from gmr_traj.variables import Variables
+from gmr_traj.formulation import Formulation
 
 
 @dataclass(frozen=True)
@@ -45,31 +38,13 @@ class Nlp:
     row_upper: np.ndarray
 
 
-def transcribe(variables: Variables, used: Sequence[Used]) -> Nlp:
-    """Assemble the program.
-
-    Unknowns that are held stay where they are held, whatever bounds the constraints ask of them, and constraint rows
-    about nothing but held unknowns are left out: no solution could change them, and a rounding error in what is held
-    would leave the program without one.
-
-    Raises:
-        ProblemError: on a use a residual cannot have.
-    """
-    rows = Constraints(variables, used)
-    costs = Objective(variables.size, used, rows.slack_linear, rows.slack_quadratic)
-    x, p = ca.MX.sym("x", variables.size), ca.MX.sym("p", 0)
-    value, gradient, hessian = costs.expressions(x)
+def transcribe(formulation: Formulation) -> Nlp:
+    """Write the program down."""
+    rows = formulation.constraints
+    x, p = ca.MX.sym("x", formulation.variables.size), ca.MX.sym("p", 0)
+    value, gradient, hessian = formulation.objective.expressions(x)
     g, jacobian = rows.expressions(x)
     lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", g.numel())
-    lower, upper = variables.bounds()
-    np.maximum.at(lower, rows.bound_index, rows.bound_lower)
-    np.minimum.at(upper, rows.bound_index, rows.bound_upper)
-    crossed = np.flatnonzero(lower > upper)
-    if crossed.size:
-        raise ProblemError(
-            f"hard constraints leave no value to unknown {crossed[0]}: it must be at least {lower[crossed[0]]:g} and "
-            f"at most {upper[crossed[0]]:g} ({crossed.size} such unknowns)"
-        )
     return Nlp(
         problem={"x": x, "p": p, "f": value, "g": g},
         # Ipopt asks for the value by itself; NaN would stop it at once if that ever changed.
@@ -82,9 +57,9 @@ def transcribe(variables: Variables, used: Sequence[Used]) -> Nlp:
             ["x", "p", "lam_f", "lam_g"],
             ["triu_hess_gamma_x_x"],
         ),
-        initial=np.clip(variables.initial(), lower, upper),
-        lower=lower,
-        upper=upper,
+        initial=formulation.initial,
+        lower=formulation.lower,
+        upper=formulation.upper,
         row_lower=rows.lower,
         row_upper=rows.upper,
     )

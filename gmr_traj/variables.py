@@ -30,11 +30,8 @@ class Variables:
         reach[:, 3:6] = HALF_TURN
         self._lower = [-reach.ravel()]
         self._upper = [reach.ravel()]
-
-    @property
-    def size(self) -> int:
-        """Number of unknowns so far."""
-        return sum(len(block) for block in self._initial)
+        #: Number of unknowns so far.
+        self.size = frames * tangent
 
     def add(self, initial: np.ndarray, lower: float = -np.inf, upper: float = np.inf) -> np.ndarray:
         """Append unknowns with their starting values; returns their indices, in the shape of ``initial``."""
@@ -42,6 +39,7 @@ class Variables:
         self._initial.append(np.ravel(initial).astype(float))
         self._lower.append(np.full(initial.size, lower))
         self._upper.append(np.full(initial.size, upper))
+        self.size += initial.size
         return first + np.arange(initial.size).reshape(initial.shape)
 
     def hold(self, frames: np.ndarray) -> None:

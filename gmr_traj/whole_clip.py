@@ -12,16 +12,17 @@ from dataclasses import replace
 
 import numpy as np
 
+from gmr_traj.attempts import RANKING, Attempt, Solution
+from gmr_traj.engines import solve
 from gmr_traj.evaluation import Row, bounded_rows, evaluate, report
+from gmr_traj.formulation import formulate
 from gmr_traj.kinematics.casadi_kinematics import CasadiKinematics
 from gmr_traj.motion import RobotMotion
 from gmr_traj.outcome import SolveReport, TermReport
 from gmr_traj.problem import Problem
 from gmr_traj.residuals import Used
-from gmr_traj.solver import RANKING, Attempt, Solution, solve
 from gmr_traj.task import HELD, Task
 from gmr_traj.terms.context import Context, stepped
-from gmr_traj.transcription import transcribe
 from gmr_traj.variables import Variables
 from gmr_traj.visited import Visited
 
@@ -78,7 +79,7 @@ def _solve(
     """One program about the task's centre."""
     used, variables = _residuals(task, centre, kinematics, problem)
     variables.hold(task.held)
-    solution = solve(transcribe(variables, used), attempts)
+    solution = solve(formulate(variables, used), attempts)
     return stepped(task.centre, solution.x[variables.steps]), solution, used
 
 
@@ -138,7 +139,7 @@ def _summary(solutions: list[Solution], passes: int, reports: tuple[TermReport, 
         name, _, frame = min(missing)
         message = f"{len(missing)} rows that were not part of the problem are violated, first {name} in frame {frame}"
     if worst.status == "not converged":
-        message = f"Ipopt stopped with {worst.solver_status} after {worst.iterations} iterations"
+        message = f"the solver stopped with {worst.solver_status} after {worst.iterations} iterations"
     return SolveReport(
         status=worst.status,
         solver_status=worst.solver_status,

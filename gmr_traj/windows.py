@@ -12,12 +12,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from gmr_traj.attempts import RANKING
 from gmr_traj.exceptions import ProblemError
 from gmr_traj.kinematics.casadi_kinematics import CasadiKinematics
 from gmr_traj.motion import RobotMotion
 from gmr_traj.outcome import SolveReport, TermReport
 from gmr_traj.problem import Problem
-from gmr_traj.solver import RANKING
 from gmr_traj.task import HELD, Task
 from gmr_traj.whole_clip import Progress, solve_clip
 

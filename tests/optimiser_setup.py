@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
 import casadi as ca
 import metrics_toy
 import numpy as np
+import scipy.sparse as sp
 from conftest import CHECKOUT
 
+from gmr_traj.attempts import Attempt
 from gmr_traj.contacts.schedule import ContactSchedule
 from gmr_traj.kinematics.casadi_kinematics import CasadiKinematics
 from gmr_traj.motion import RobotMotion
-from gmr_traj.problem import Problem, UsedTerm
-from gmr_traj.residuals import FrameResidual, LinearResidual, Residual
+from gmr_traj.problem import Problem, UsedTerm, load_problem
+from gmr_traj.residuals import FrameResidual, LinearResidual, Residual, Used
 from gmr_traj.robot import Robot
-from gmr_traj.solver import Attempt
 from gmr_traj.terms.context import Context
 from gmr_traj.terms.term import Term
 from gmr_traj.variables import Variables
@@ -99,3 +101,43 @@ def problem_of(*terms: tuple[str, Term], passes: int = 4, attempt: Attempt = TIG
     """A problem of (use, term) pairs, as a problem file would name them."""
     used = tuple(UsedTerm(type(term).__name__, term, use) for use, term in terms)
     return Problem("test", Path("test.toml"), used, passes, (attempt,), (attempt,))
+
+
+def linear(
+    matrix: np.ndarray, lower: np.ndarray, upper: np.ndarray, *, offset: float = 0.0, weight: float = 1.0
+) -> LinearResidual:
+    m = len(matrix)
+    zero = np.zeros(m, int)
+    return LinearResidual(
+        "linear", "1", sp.csr_matrix(matrix), np.full(m, offset), lower, upper, np.full(m, weight), zero, zero, ["row"]
+    )
+
+
+def curved(lower: float, upper: float, weight: float, frames: int = 1) -> FrameResidual:
+    """``z^2 + z`` of one unknown a frame."""
+    z, p = ca.SX.sym("z"), ca.SX.sym("p")
+    one = np.ones((1, frames))
+    return FrameResidual(
+        name="curved",
+        unit="1",
+        rows=["row"],
+        frames=np.arange(frames),
+        columns=np.arange(frames)[:, None],
+        parameters=0 * one,
+        value=ca.Function("r", [z, p], [z**2 + z]),
+        jacobian=ca.Function("J", [z, p], [2 * z + 1]),
+        lower=lower * one,
+        upper=upper * one,
+        weights=weight * one,
+    )
+
+
+def built_parts(robot: Robot, motion: RobotMotion) -> tuple[Variables, list[Used]]:
+    """Unknowns and residuals of the problem that ships, with one foot in stance and trust from 0.2 to 1."""
+    count = motion.frames
+    feet = metrics_toy.both_feet(count, motion.fps)
+    schedule = replace(feet, stances=tuple(stance for stance in feet.stances if stance.sole == "left"))
+    context = context_of(robot, motion, schedule=schedule, trust=np.linspace(0.2, 1, count))
+    variables = Variables(count, 6 + robot.dof)
+    problem = load_problem()
+    return variables, [Used(r, item.use) for item in problem.terms for r in item.term.residuals(context, variables)]

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gmr_traj.collision.broadphase import Candidate, candidates
+from gmr_traj.collision.broadphase import Candidate, candidates, renewed
 from gmr_traj.collision.capsules import radii, world_segments
 from gmr_traj.collision.segments import distance
 from gmr_traj.kinematics.mujoco_kinematics import placements
@@ -76,6 +76,23 @@ def test_complete_on_loose_capsules(g1: Robot, seed: int, frames: int, margin: f
     rotations = np.broadcast_to(np.eye(3), (frames, count, 3, 3))
     found = candidates(robot, positions, rotations, margin, chunk=chunk)
     assert_complete(found, brute_force(robot, positions, rotations), margin)
+
+
+@settings(max_examples=10)
+@given(st.integers(0, 2**31))
+def test_changed_frames_alone_are_searched_again(g1: Robot, seed: int) -> None:
+    """What was found, renewed in the frames that changed, is what a whole new search finds."""
+    qpos, other = smooth_walk(g1, 60, seed), smooth_walk(g1, 60, seed + 1)
+    frames = np.flatnonzero(np.random.default_rng(seed).random(60) < 0.3)
+    found = candidates(g1, *placements(g1, qpos), 0.0)
+    qpos[frames] = other[frames]
+    fresh = candidates(g1, *placements(g1, qpos[frames]), 0.0)
+    expected = {c.pair: c for c in candidates(g1, *placements(g1, qpos), 0.0)}
+    result = renewed(found, frames, fresh)
+    assert {c.pair for c in result} == set(expected) and len(result) == len(expected)
+    for candidate in result:
+        np.testing.assert_array_equal(candidate.frames, expected[candidate.pair].frames)
+        np.testing.assert_allclose(candidate.clearance, expected[candidate.pair].clearance, atol=1e-12)
 
 
 def test_boxes_with_one_centre(g1: Robot) -> None:

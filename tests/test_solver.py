@@ -10,11 +10,16 @@ from hypothesis import strategies as st
 from optimiser_setup import TIGHT
 
 from gmr_traj import solver
+from gmr_traj.attempts import Attempt, Solution, in_turn
 from gmr_traj.exceptions import SolverError
-from gmr_traj.solver import Attempt, refused_options, solve
+from gmr_traj.solver import refused_options
 from gmr_traj.transcription import Nlp
 
 ONE_STEP = Attempt("one step", {"max_iter": 1})
+
+
+def solve(nlp: Nlp, attempts: tuple[Attempt, ...]) -> Solution:
+    return in_turn(attempts, nlp.initial, lambda attempt, start: solver.solve(nlp, attempt, start))
 
 
 def program(f: ca.MX, x: ca.MX, g: ca.MX | None = None, *, start: list[float], upper: float = 0.0) -> Nlp:

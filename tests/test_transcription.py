@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import casadi as ca
 import numpy as np
 import pytest
 import scipy.sparse as sp
 from hypothesis import given
 from hypothesis import strategies as st
-from metrics_toy import both_feet, clip, standing
-from optimiser_setup import EXAMPLE, TIGHT, context_of, residuals_of, toy
+from metrics_toy import clip, standing
+from optimiser_setup import EXAMPLE, TIGHT, built_parts, context_of, curved, linear, residuals_of, toy
 
 from gmr_traj import assembly
 from gmr_traj.assembly import SparseSum, to_dm
 from gmr_traj.constraints import SOFT_SLOPE
+from gmr_traj.engines import solve
 from gmr_traj.exceptions import ProblemError
 from gmr_traj.formats import read_clip
-from gmr_traj.motion import RobotMotion
-from gmr_traj.problem import load_problem
+from gmr_traj.formulation import formulate
 from gmr_traj.residuals import FrameResidual, LinearResidual, Used
 from gmr_traj.robot import Robot
-from gmr_traj.solver import solve
 from gmr_traj.terms.tracking import Tracking
 from gmr_traj.transcription import Nlp, transcribe
 from gmr_traj.variables import Variables
@@ -30,37 +27,8 @@ from gmr_traj.variables import Variables
 ENTRIES = st.lists(st.tuples(st.integers(0, 4), st.integers(0, 4), st.floats(-5, 5)), max_size=12)
 
 
-def linear(
-    matrix: np.ndarray, lower: np.ndarray, upper: np.ndarray, *, offset: float = 0.0, weight: float = 1.0
-) -> LinearResidual:
-    m = len(matrix)
-    zero = np.zeros(m, int)
-    return LinearResidual(
-        "linear", "1", sp.csr_matrix(matrix), np.full(m, offset), lower, upper, np.full(m, weight), zero, zero, ["row"]
-    )
-
-
-def curved(lower: float, upper: float, weight: float, frames: int = 1) -> FrameResidual:
-    """``z^2 + z`` of one unknown a frame."""
-    z, p = ca.SX.sym("z"), ca.SX.sym("p")
-    one = np.ones((1, frames))
-    return FrameResidual(
-        name="curved",
-        unit="1",
-        rows=["row"],
-        frames=np.arange(frames),
-        columns=np.arange(frames)[:, None],
-        parameters=0 * one,
-        value=ca.Function("r", [z, p], [z**2 + z]),
-        jacobian=ca.Function("J", [z, p], [2 * z + 1]),
-        lower=lower * one,
-        upper=upper * one,
-        weights=weight * one,
-    )
-
-
 def minimum(unknowns: int, *used: tuple[str, LinearResidual | FrameResidual]) -> np.ndarray:
-    solution = solve(transcribe(Variables(unknowns, 1), [Used(r, use) for use, r in used]), (TIGHT,))
+    solution = solve(formulate(Variables(unknowns, 1), [Used(r, use) for use, r in used]), (TIGHT,))
     assert solution.status == "converged"
     return solution.x[:unknowns]
 
@@ -124,18 +92,18 @@ def test_single_entries_become_bounds() -> None:
     """Hard rows of one unknown are bounds, scaled by a factor of either sign; the tightest counts."""
     matrix = np.array([[2.0, 0, 0], [0, -4.0, 0], [1.0, 0, 0], [1.0, 1.0, 0]])
     low, high = np.array([-2.0, -8.0, -np.inf, -1.0]), np.array([6.0, np.inf, 1.5, 1.0])
-    nlp = transcribe(Variables(3, 1), [Used(linear(matrix, low, high, offset=1.0), "hard")])
+    nlp = transcribe(formulate(Variables(3, 1), [Used(linear(matrix, low, high, offset=1.0), "hard")]))
     np.testing.assert_allclose(nlp.lower, [-1.5, -np.inf, -np.inf])
     np.testing.assert_allclose(nlp.upper, [0.5, 2.25, np.inf])
     np.testing.assert_allclose([nlp.row_lower, nlp.row_upper], [[-2.0], [0.0]])
-    soft = transcribe(Variables(3, 1), [Used(linear(matrix, low, high), "soft")])
+    soft = transcribe(formulate(Variables(3, 1), [Used(linear(matrix, low, high), "soft")]))
     assert np.isinf(soft.lower[:3]).all() and len(soft.row_lower) == 4  # a soft row needs its slack
     assert not soft.lower[3:].any() and np.isposinf(soft.upper[3:]).all()
 
 
 def test_a_soft_row_has_a_slack_for_each_bound_that_starts_where_it_is_needed() -> None:
     matrix, low, high = np.eye(3) * 2, np.array([-1.0, 4.0, -np.inf]), np.array([3.0, 5.0, -7.0])
-    nlp = transcribe(Variables(3, 1), [Used(linear(matrix, low, high, offset=1.0), "soft")])
+    nlp = transcribe(formulate(Variables(3, 1), [Used(linear(matrix, low, high, offset=1.0), "soft")]))
     assert sorted(nlp.initial[3:]) == [0.0, 0.0, 0.0, 3.0, 8.0]  # five finite bounds; r = 1 is off by 3 and by 8
     g = np.array(nlp.jacobian(nlp.initial, [])[0]).ravel()
     assert (nlp.row_lower - 1e-12 <= g).all() and (g <= nlp.row_upper + 1e-12).all()
@@ -147,7 +115,7 @@ def test_the_size_of_a_linear_rows_coefficients_does_not_matter(size: float) -> 
     rows = linear(
         size * np.array([[1.0, -1.0], [0.25, 0.5]]), size * np.array([-1.0, -2.0]), size * np.array([1.0, 2.0])
     )
-    nlp = transcribe(Variables(2, 1), [Used(rows, "hard")])
+    nlp = transcribe(formulate(Variables(2, 1), [Used(rows, "hard")]))
     np.testing.assert_allclose(np.array(ca.densify(nlp.jacobian([0, 0], [])[1])), [[1, -1], [0.5, 1]], rtol=1e-12)
     np.testing.assert_allclose([nlp.row_lower, nlp.row_upper], [[-1, -4], [1, 4]], rtol=1e-12)
 
@@ -163,11 +131,11 @@ def test_rotations_of_the_base_reach_everything_but_a_full_turn() -> None:
 
 def test_rows_without_a_bound_are_not_there() -> None:
     free = linear(np.ones((2, 3)), np.array([-np.inf, 0.0]), np.array([np.inf, np.inf]))
-    assert len(transcribe(Variables(3, 1), [Used(free, "hard")]).row_lower) == 1
+    assert len(transcribe(formulate(Variables(3, 1), [Used(free, "hard")])).row_lower) == 1
 
 
 def test_the_start_is_inside_the_bounds() -> None:
-    nlp = transcribe(Variables(1, 1), [Used(linear(np.eye(1), np.array([3.0]), np.array([4.0])), "hard")])
+    nlp = transcribe(formulate(Variables(1, 1), [Used(linear(np.eye(1), np.array([3.0]), np.array([4.0])), "hard")]))
     assert nlp.initial == [3.0]
 
 
@@ -182,24 +150,25 @@ def test_held_unknowns_are_held_whatever_the_limits_say() -> None:
         Used(curved(0.5, 9.0, 1.0, frames=4), "hard"),
         Used(linear(np.eye(4), np.zeros(4), np.zeros(4)), "cost"),
     ]
-    nlp = transcribe(variables, used)
+    formulation = formulate(variables, used)
+    nlp = transcribe(formulation)
     np.testing.assert_array_equal([nlp.lower[:2], nlp.upper[:2]], np.zeros((2, 2)))
     np.testing.assert_array_equal([nlp.lower[2:], nlp.upper[2:]], [[1e-9] * 2, [5.0] * 2])
     assert len(nlp.row_lower) == 2 + 2
-    x = solve(nlp, (TIGHT,)).x
+    x = solve(formulation, (TIGHT,)).x
     np.testing.assert_allclose(x, [0, 0, 1, 2], atol=1e-6)
 
 
 def test_uses_that_cannot_be() -> None:
     interval = linear(np.eye(1), np.zeros(1), np.ones(1))
     with pytest.raises(ProblemError, match="linear: an interval on a linear residual can be hard or soft"):
-        transcribe(Variables(1, 1), [Used(interval, "cost")])
+        transcribe(formulate(Variables(1, 1), [Used(interval, "cost")]))
     (tracking,), variables = residuals_of(Tracking(1.0, 1.0, 1.0), context_of(toy(), clip(standing(2))))
     with pytest.raises(ProblemError, match="tracking can only be a cost, not hard"):
-        transcribe(variables, [Used(tracking, "hard")])
+        transcribe(formulate(variables, [Used(tracking, "hard")]))
     apart = [Used(linear(np.eye(1), np.array([v]), np.array([v])), "hard") for v in (0.0, 1.0)]
     with pytest.raises(ProblemError, match="no value to unknown 0: it must be at least 1 and at most 0"):
-        transcribe(Variables(1, 1), apart)
+        transcribe(formulate(Variables(1, 1), apart))
 
 
 @pytest.fixture(params=["toy", "g1"])
@@ -213,24 +182,15 @@ def program(request: pytest.FixtureRequest) -> tuple[Nlp, np.ndarray]:
         robot = request.getfixturevalue("g1")
         recorded = read_clip(EXAMPLE, robot).motion
         motion = recorded.with_qpos(recorded.qpos[20:26])
-    variables, used = built(robot, motion)
-    nlp = transcribe(variables, used)
+    variables, used = built_parts(robot, motion)
+    nlp = transcribe(formulate(variables, used))
     at = nlp.initial + 0.02 * np.random.default_rng(5).normal(size=len(nlp.initial))
     return nlp, at
 
 
-def built(robot: Robot, motion: RobotMotion) -> tuple[Variables, list[Used]]:
-    feet = both_feet(6, motion.fps)
-    schedule = replace(feet, stances=tuple(replace(s, sole=s.sole) for s in feet.stances if s.sole == "left"))
-    context = context_of(robot, motion, schedule=schedule, trust=np.linspace(0.2, 1, 6))
-    variables = Variables(6, 6 + robot.dof)
-    problem = load_problem()
-    return variables, [Used(r, item.use) for item in problem.terms for r in item.term.residuals(context, variables)]
-
-
 def test_the_program_has_every_kind_of_term(g1: Robot) -> None:
     recorded = read_clip(EXAMPLE, g1).motion
-    _, used = built(g1, recorded.with_qpos(recorded.qpos[20:26]))
+    _, used = built_parts(g1, recorded.with_qpos(recorded.qpos[20:26]))
     kinds = {item.residual.name.partition("/")[0] for item in used}
     assert kinds >= {"tracking", "posture", "acceleration", "jerk", "stance", "ground", "self_collision"}
     assert kinds >= {"joint_position", "joint_velocity", "joint_acceleration"}
@@ -268,10 +228,10 @@ def test_hessian_is_positive_semidefinite_and_scales(program: tuple[Nlp, np.ndar
 
 def test_hessian_of_least_squares_is_the_derivative_of_the_gradient() -> None:
     """Of the costs only tracking and the stance's are not linear; the stance's residual vanishes at the centre."""
-    variables, used = built(toy(), clip(standing(6)))
+    variables, used = built_parts(toy(), clip(standing(6)))
     costs = [item for item in used if item.use == "cost" and item.residual.name != "tracking"]
     assert {"posture", "stance/left"} <= {item.residual.name for item in costs}
-    nlp = transcribe(variables, costs)
+    nlp = transcribe(formulate(variables, costs))
     upper = np.array(ca.densify(nlp.hessian(nlp.initial, [], 1.0, [])))
     step, numeric = 1e-5, []
     for h in step * np.eye(len(nlp.initial)):

@@ -9,11 +9,11 @@ import pytest
 from metrics_toy import FPS, both_feet, clip, standing
 from optimiser_setup import kinematics_of, problem_of, toy
 
+from gmr_traj.attempts import Attempt
 from gmr_traj.contacts.schedule import ContactSchedule
 from gmr_traj.motion import RobotMotion
 from gmr_traj.outcome import SolveReport
 from gmr_traj.problem import Problem, load_problem
-from gmr_traj.solver import Attempt
 from gmr_traj.task import Task
 from gmr_traj.terms.ground import Ground
 from gmr_traj.terms.limits import JointAcceleration, JointPosition, JointVelocity
@@ -109,7 +109,7 @@ def test_what_cannot_be_is_not_called_converged() -> None:
     task = Task(motion, motion, np.ones(6), ContactSchedule(6, FPS, ()), np.zeros(0, int))
     _, report = solve_clip(task, kinematics_of(robot), impossible)
     assert report.status == "not converged" and report.solver_status != "Solve_Succeeded"
-    assert report.message.startswith(f"Ipopt stopped with {report.solver_status} after")
+    assert report.message.startswith(f"the solver stopped with {report.solver_status} after")
 
 
 def test_the_report_names_every_term_with_its_worst_row() -> None:

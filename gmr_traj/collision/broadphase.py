@@ -14,7 +14,7 @@ from gmr_traj.collision.segments import Array, distance
 from gmr_traj.robot import Robot
 
 #: Frames whose swept boxes are searched together. Longer chunks mean fewer searches and more false alarms.
-CHUNK = 64
+CHUNK = 128
 
 #: Added to every box [m], so that rounding can lose no pair whose clearance equals the margin.
 ROUNDING = 1e-9
@@ -46,7 +46,9 @@ def candidates(
     """All pairs and frames with a clearance below ``margin``; none is missed.
 
     Per chunk of frames each capsule is swept into one axis-aligned box, inflated by its radius and half the margin;
-    python-fcl's AABB tree reports the boxes that overlap, and the closed form decides in every frame of the chunk.
+    python-fcl's AABB tree reports the boxes that overlap, and in every frame of the chunk first the spheres around the
+    capsules and then the closed form decide.  All of that as seen from the base, so that a robot that walks or turns
+    sweeps no more than one that stands.
 
     Args:
         robot: its ``collision_pairs`` are searched.
@@ -60,7 +62,10 @@ def candidates(
     """
     if not len(positions) or not robot.collision_pairs:
         return []
-    starts, ends = world_segments(robot, positions, rotations)  # (T, C, 3)
+    base = rotations[:, :1]
+    seen = np.einsum("tkji,tbj->tbi", base, positions - positions[:, :1]), base.swapaxes(2, 3) @ rotations
+    starts, ends = world_segments(robot, *seen)  # (T, C, 3)
+    middles, halves = 0.5 * (starts + ends), 0.5 * np.linalg.norm(ends - starts, axis=2).max(axis=0)
     radius = radii(robot)
     inflation = np.maximum(radius + 0.5 * margin, 0.0) + ROUNDING
     close = _chunks_of_pairs(robot, starts, ends, inflation, chunk)
@@ -70,12 +75,38 @@ def candidates(
             continue
         frames = (np.array(close[i, j], dtype=np.intp)[:, None] + np.arange(chunk)).ravel()
         frames = frames[frames < len(positions)]
+        reach = radius[i] + radius[j] + halves[i] + halves[j] + margin + ROUNDING
+        between = middles[frames, i] - middles[frames, j]
+        frames = frames[np.einsum("ti,ti->t", between, between) < max(reach, 0.0) ** 2]
         gap, _, _ = distance(starts[frames, i], ends[frames, i], starts[frames, j], ends[frames, j])
         gap -= radius[i] + radius[j]
         chosen = gap < margin
         if chosen.any():
             out.append(Candidate((i, j), frames[chosen], gap[chosen]))
     return out
+
+
+def renewed(found: list[Candidate], frames: np.ndarray, fresh: list[Candidate]) -> list[Candidate]:
+    """What was found in a clip, once some of its frames have changed.
+
+    Args:
+        found: before the change.
+        frames: those that changed, ascending.  # (K,)
+        fresh: what is found in these frames alone, numbered from 0 to K - 1.
+    """
+    new = {candidate.pair: candidate for candidate in fresh}
+    out = []
+    for old in found:
+        kept = ~np.isin(old.frames, frames)
+        parts = [(old.frames[kept], old.clearance[kept])]
+        if old.pair in new:
+            again = new.pop(old.pair)
+            parts.append((frames[again.frames], again.clearance))
+        at, clearance = (np.concatenate([part[k] for part in parts]) for k in range(2))
+        by = np.argsort(at)
+        if by.size:
+            out.append(Candidate(old.pair, at[by], clearance[by]))
+    return [*out, *(Candidate(c.pair, frames[c.frames], c.clearance) for c in new.values())]
 
 
 def _chunks_of_pairs(

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gmr_traj.collision.broadphase import Candidate, candidates
+from gmr_traj.collision.broadphase import Candidate, candidates, renewed
 from gmr_traj.collision.capsules import radii, world_segments
 from gmr_traj.collision.elastic_band import relax
 from gmr_traj.collision.limbs import Limb, limbs
@@ -74,9 +74,9 @@ def untangle(robot: Robot, motion: RobotMotion) -> tuple[RobotMotion, list[Tangl
     """
     found: list[Tangle] = []
     waiting = [limb for limb in limbs(robot) if not limb.feet and limb.capsules]
+    at = placements(robot, motion.qpos)
+    overlaps = candidates(robot, *at, -DEEP)
     while waiting:
-        at = placements(robot, motion.qpos)
-        overlaps = candidates(robot, *at, -DEEP)
         stretches = {limb.bodies: tangles(robot, limb, *at, overlaps, motion.fps) for limb in waiting}
         waiting = [limb for limb in waiting if stretches[limb.bodies]]
         if not waiting:
@@ -90,7 +90,11 @@ def untangle(robot: Robot, motion: RobotMotion) -> tuple[RobotMotion, list[Tangl
             pinned = (first > 1, last + 2 < len(qpos))
             qpos[span, 7 + limb.joints] = _around_the_body(robot, limb, qpos[span], motion.fps, pinned)
             found.append(Tangle(limb, first, last))
+        changed = np.flatnonzero((qpos != motion.qpos).any(axis=1))
         motion = motion.with_qpos(qpos)
+        for of_all, of_changed in zip(at, placements(robot, qpos[changed]), strict=True):
+            of_all[changed] = of_changed
+        overlaps = renewed(overlaps, changed, candidates(robot, at[0][changed], at[1][changed], -DEEP))
     return motion, found
 
 

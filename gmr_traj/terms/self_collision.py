@@ -44,17 +44,18 @@ class SelfCollision(Term):
 
     def _pair(self, context: Context, variables: Variables, pair: tuple[int, int], frames: np.ndarray) -> FrameResidual:
         robot = context.robot
-        chain = _chain(context.kinematics, *pair)
+        one, two = (robot.capsules[k] for k in pair)
+        chain = _chain(context.kinematics, one.body, two.body, _is_sphere(one), _is_sphere(two))
         angles = context.centre.qpos[frames][:, 7 + chain.joints]
+        constants = np.concatenate([_constants(one), _constants(two)])
         shape = (1, len(frames))
-        names = [robot.capsules[k].name for k in pair]
         return FrameResidual(
-            name=f"self_collision/{names[0]}:{names[1]}",
+            name=f"self_collision/{one.name}:{two.name}",
             unit="m",
             rows=["clearance"],
             frames=frames,
             columns=variables.steps[frames][:, 6 + chain.joints],
-            parameters=angles.T,
+            parameters=np.vstack([angles.T, np.repeat(constants[:, None], len(frames), axis=1)]),
             value=chain.value,
             jacobian=chain.jacobian,
             lower=np.full(shape, self.clearance),
@@ -63,13 +64,22 @@ class SelfCollision(Term):
         )
 
 
+def _is_sphere(capsule: Capsule) -> bool:
+    return np.allclose(capsule.start, capsule.end)
+
+
+def _constants(capsule: Capsule) -> np.ndarray:
+    """What a chain's functions ask of a capsule: start, end unless it is a sphere, and radius [m]."""
+    return np.concatenate([capsule.start, [] if _is_sphere(capsule) else capsule.end, [capsule.radius]])
+
+
 @dataclass(frozen=True)
 class _Chain:
-    """The joints between the bodies of two capsules and the clearance as a function of them.
+    """The joints between two bodies, and the clearance of capsules of theirs as a function of them.
 
     Attributes:
         joints: indices of the joints.  # (nz,)
-        value, jacobian: (step of the joints, their angles) -> clearance [m], its row.
+        value, jacobian: (step of the joints, their angles and the capsules) -> clearance [m], its row.
     """
 
     joints: np.ndarray
@@ -77,48 +87,39 @@ class _Chain:
     jacobian: ca.Function
 
 
-@lru_cache(maxsize=2048)
-def _chain(kinematics: CasadiKinematics, first: int, second: int) -> _Chain:
-    one, two = kinematics.robot.capsules[first], kinematics.robot.capsules[second]
-    bodies = _bodies(kinematics, one.body, two.body)
-    ends = [_ends(place, capsule) for place, capsule in zip(bodies.placements, (one, two), strict=True)]
-    value, row = clearance_jacobian(bodies.step, *ends[0], one.radius, *ends[1], two.radius)
-    options = {"cse": True}
-    inputs = [bodies.step, bodies.angles]
+@lru_cache(maxsize=1024)
+def _chain(kinematics: CasadiKinematics, first: str, second: str, sphere_one: bool, sphere_two: bool) -> _Chain:
+    """For all capsules of two bodies: writing a function down takes longer than evaluating it in many frames."""
+    model = kinematics.robot.model
+    up_one, up_two = _ancestors(model, first), _ancestors(model, second)
+    common = next(body for body in up_one if body in up_two)
+    path = [*up_one[: up_one.index(common)][::-1], *up_two[: up_two.index(common)][::-1]]
+    joints = np.array([_joint(model, body) for body in path if int(model.body_jntnum[body])])
+    step, angles = _symbols(kinematics)
+    symbols, ends = [angles[joints]], []
+    for body, sphere in ((up_one[0], sphere_one), (up_two[0], sphere_two)):
+        position, rotation = _placement(kinematics, common, body)
+        points = [ca.SX.sym("point", 3) for _ in range(1 if sphere else 2)]
+        symbols += [*points, ca.SX.sym("radius")]
+        placed = [position + rotation @ point for point in points]
+        ends += [placed[0], None if sphere else placed[1], symbols[-1]]
+    value, row = clearance_jacobian(step[joints], *ends)
+    inputs, options = [step[joints], ca.vertcat(*symbols)], {"cse": True}
     return _Chain(
-        joints=bodies.joints,
+        joints=joints,
         value=ca.Function("clearance", inputs, [value], ["z", "p"], ["r"], options),
         jacobian=ca.Function("clearance_row", inputs, [ca.densify(row)], ["z", "p"], ["J"], options),
     )
 
 
-@dataclass(frozen=True)
-class _Bodies:
-    """Two bodies in the frame of their closest common ancestor, written down once for all of their capsules.
-
-    Attributes:
-        joints: indices of the joints between them.  # (nz,)
-        step, angles: symbols, step of the joints and their angles.  # (nz, 1)
-        placements: position and rotation of each.
-    """
-
-    joints: np.ndarray
-    step: Any
-    angles: Any
-    placements: tuple[tuple[Any, Any], tuple[Any, Any]]
+@lru_cache(maxsize=8)
+def _symbols(kinematics: CasadiKinematics) -> tuple[Any, Any]:
+    """Step and angle of every joint.  # (n, 1) each"""
+    return ca.SX.sym("z", kinematics.robot.dof), ca.SX.sym("angle", kinematics.robot.dof)
 
 
-@lru_cache(maxsize=1024)
-def _bodies(kinematics: CasadiKinematics, first: str, second: str) -> _Bodies:
-    model = kinematics.robot.model
-    up_one, up_two = _ancestors(model, first), _ancestors(model, second)
-    common = next(body for body in up_one if body in up_two)
-    paths = [up_one[: up_one.index(common)][::-1], up_two[: up_two.index(common)][::-1]]
-    moved = [body for path in paths for body in path if int(model.body_jntnum[body])]
-    joints = np.array([int(model.jnt_qposadr[int(model.body_jntadr[body])]) - 7 for body in moved])
-    step, angles = ca.SX.sym("z", len(joints)), ca.SX.sym("p", len(joints))
-    angle = dict(zip(moved, ca.vertsplit(step + angles), strict=True))
-    return _Bodies(joints, step, angles, (_placement(model, paths[0], angle), _placement(model, paths[1], angle)))
+def _joint(model: mujoco.MjModel, body: int) -> int:
+    return int(model.jnt_qposadr[int(model.body_jntadr[body])]) - 7
 
 
 def _ancestors(model: mujoco.MjModel, body: str) -> list[int]:
@@ -129,26 +130,22 @@ def _ancestors(model: mujoco.MjModel, body: str) -> list[int]:
     return out
 
 
-def _placement(model: mujoco.MjModel, path: list[int], angle: dict[int, Any]) -> tuple[Any, Any]:
-    """Position and rotation of the last body of a path, in the frame of the path's start."""
-    position, rotation = ca.SX.zeros(3), ca.SX.eye(3)
-    for body in path:
-        position = position + rotation @ ca.DM(model.body_pos[body])
-        rotation = rotation @ constant_rotation(model.body_quat[body])
-        if body in angle:
-            joint = int(model.body_jntadr[body])
-            zero = float(model.qpos0[int(model.jnt_qposadr[joint])])
-            turned = rotation @ hinge_rotation(np.asarray(model.jnt_axis[joint]), angle[body] - zero)
-            anchor = ca.DM(model.jnt_pos[joint])
-            position = position + rotation @ anchor - turned @ anchor
-            rotation = turned
+@lru_cache(maxsize=4096)
+def _placement(kinematics: CasadiKinematics, ancestor: int, body: int) -> tuple[Any, Any]:
+    """Position and rotation of a body in the frame of an ancestor."""
+    if body == ancestor:
+        return ca.SX.zeros(3), ca.SX.eye(3)
+    model = kinematics.robot.model
+    position, rotation = _placement(kinematics, ancestor, int(model.body_parentid[body]))
+    position = position + rotation @ ca.DM(model.body_pos[body])
+    rotation = rotation @ constant_rotation(model.body_quat[body])
+    if int(model.body_jntnum[body]):
+        step, angles = _symbols(kinematics)
+        index, joint = _joint(model, body), int(model.body_jntadr[body])
+        zero = float(model.qpos0[int(model.jnt_qposadr[joint])])
+        angle = step[index] + angles[index] - zero
+        turned = rotation @ hinge_rotation(np.asarray(model.jnt_axis[joint]), angle)
+        anchor = ca.DM(model.jnt_pos[joint])
+        position = position + rotation @ anchor - turned @ anchor
+        rotation = turned
     return position, rotation
-
-
-def _ends(placement: tuple[Any, Any], capsule: Capsule) -> tuple[Any, Any]:
-    """End points of a capsule of a body; the second is None for a sphere."""
-    position, rotation = placement
-    start = position + rotation @ ca.DM(capsule.start)
-    if np.allclose(capsule.start, capsule.end):
-        return start, None
-    return start, position + rotation @ ca.DM(capsule.end)

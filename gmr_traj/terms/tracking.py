@@ -103,9 +103,4 @@ def _functions(
         cost.add_point(slot, point, at[:, k], at_weight[k], robust)
         cost.add_rotation(slot, ca.reshape(turned[:, k], 3, 3), turned_weight[k])
     gradient, hessian = cost.derivatives()
-    names, options = (["z", "p"], ["out"]), {"cse": True}
-    return GaussNewton(
-        value=ca.Function("tracking_value", [tangent, parameters], [cost.value], *names, options),
-        gradient=ca.Function("tracking_gradient", [tangent, parameters], [gradient], *names, options),
-        hessian=ca.Function("tracking_hessian", [tangent, parameters], [hessian], *names, options),
-    )
+    return GaussNewton(tangent, parameters, cost.value, gradient, hessian)

@@ -1,0 +1,82 @@
+"""Functions of one frame, evaluated in many frames into arrays that stay where they are."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from gmr_traj.band.vector_machine import VectorMachine, instructions
+
+# From so many frames on an operation on all of them is cheaper than all operations on each.
+_WORTHWHILE = 150
+
+
+class Frames:
+    """A function of (z, p) in K frames.
+
+    Args:
+        function: (z, p) -> outputs.
+        columns: indices of each frame's unknowns.  # (K, nz)
+        parameters: p of each frame.  # (np, K)
+
+    Attributes:
+        outputs: nonzeros of each output in all frames.  # (nnz, K) each
+    """
+
+    def __init__(self, function: ca.Function, columns: np.ndarray, parameters: np.ndarray) -> None:
+        count = len(columns)
+        program = instructions(function) if count >= _WORTHWHILE else None
+        sizes = [function.nnz_out(k) for k in range(function.n_out())]
+        if program is not None:
+            self._columns = np.ascontiguousarray(columns.T)
+            self._unknowns = np.zeros(self._columns.shape)
+            self.outputs = [np.zeros((size, count)) for size in sizes]
+            inputs = [self._unknowns, np.ascontiguousarray(parameters, float)]
+            self._run = VectorMachine(program, inputs, self.outputs).run
+            return
+        # CasADi keeps a frame's numbers together.
+        self._columns = columns
+        self._unknowns = np.zeros(columns.shape)
+        parameters = np.ascontiguousarray(parameters.T, float)
+        outputs = [np.zeros((count, size)) for size in sizes]
+        self.outputs = [output.T for output in outputs]
+        buffer: Any  # CasADi's stubs ask for a size that its binding takes from the array
+        buffer, self._run = function.map(count).buffer()
+        self._kept = (buffer, parameters, outputs)  # the buffer holds addresses alone
+        for k, array in enumerate((self._unknowns, parameters)):
+            buffer.set_arg(k, array.data)
+        for k, array in enumerate(outputs):
+            buffer.set_res(k, array.data)
+
+    def at(self, x: np.ndarray) -> None:
+        """Evaluate at the unknowns of a program."""
+        np.take(x, self._columns, out=self._unknowns)
+        self._run()
+
+
+def evaluated(function: ca.Function, columns: np.ndarray, parameters: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """A function with one column as output, at one point only; see :class:`Frames`.
+
+    Returns:
+        a column a frame, structural zeros filled in.  # (m, K)
+    """
+    machine = Frames(function, columns, parameters)
+    machine.at(x)
+    return filled(function, machine.outputs[0])
+
+
+def filled(function: ca.Function, nonzeros: np.ndarray) -> np.ndarray:
+    """The first output's nonzeros with its structural zeros among them.
+
+    Args:
+        function: whose output is a column of m.
+        nonzeros: of all frames.  # (nnz, K)
+    """
+    m = function.size1_out(0)
+    if len(nonzeros) == m:
+        return nonzeros
+    out = np.zeros((m, nonzeros.shape[1]))
+    out[function.sparsity_out(0).row()] = nonzeros
+    return out
