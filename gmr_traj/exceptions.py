@@ -45,3 +45,7 @@ class DrawingError(GmrTrajError):
 
 class PolicyError(GmrTrajError):
     """A tracking policy cannot be run: its file, its shapes or its metadata are not what they should be."""
+
+
+class BatchError(GmrTrajError):
+    """A batch cannot be run: its inputs, its settings, its folder or its cluster are not what they should be."""

@@ -40,3 +40,26 @@ def passed_on() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
     if pressed:
         raise KeyboardInterrupt
+
+
+class Stop:
+    """Whether somebody has asked to stop."""
+
+    def __init__(self) -> None:
+        self.asked = False
+
+
+@contextmanager
+def asked_to_stop() -> Iterator[Stop]:
+    """Take Ctrl-C and SIGTERM in the block as a wish to stop, which the block looks for where it can stop."""
+    stop = Stop()
+
+    def handle(signum: int, frame: FrameType | None) -> None:
+        stop.asked = True
+
+    before = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield stop
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

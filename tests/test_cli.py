@@ -11,9 +11,8 @@ from gmr_traj import __version__
 from gmr_traj.cli import arguments
 from gmr_traj.cli.exit_codes import ExitCode
 from gmr_traj.cli.main import main
-from gmr_traj.cli.outputs import SUFFIXES
 from gmr_traj.exceptions import ClipError
-from gmr_traj.formats.clip import FORMATS
+from gmr_traj.formats.clip import FORMATS, SUFFIXES
 
 
 def run_help(capsys: pytest.CaptureFixture[str], *argv: str) -> str:

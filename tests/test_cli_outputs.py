@@ -55,7 +55,7 @@ def test_folders_are_not_files(clip, tmp_path):
 def test_staged_files_vanish_unless_published(tmp_path):
     target = tmp_path / "out.npz"
     with pytest.raises(KeyboardInterrupt), staged(target) as path:
-        assert path.suffix == ".npz" and path.parent == tmp_path
+        assert path.name == "out.npz" and path.parent.parent == tmp_path
         path.write_bytes(b"half")
         raise KeyboardInterrupt
     assert os.listdir(tmp_path) == []

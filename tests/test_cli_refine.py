@@ -99,6 +99,14 @@ def test_the_certificate_is_of_the_written_file(clip, outcome, g1):
     np.testing.assert_allclose(back.motion.qpos, raw.shifted(height).qpos, atol=1e-6)
 
 
+def test_a_clip_that_holds_its_name_is_the_same_each_time(clip, outcome):
+    main(["refine", "punch.npz", "--format", "phc", "--quiet"])
+    first = (clip.parent / "punch_refined.pkl").read_bytes()
+    assert b"punch_refined" in first
+    main(["refine", "punch.npz", "--format", "phc", "--quiet", "--force"])
+    assert (clip.parent / "punch_refined.pkl").read_bytes() == first
+
+
 def test_json_goes_to_stdout_and_is_the_report(clip, outcome, capsys):
     main(["refine", "punch.npz", "--json"])
     assert capsys.readouterr().out == (clip.parent / "punch_refined.npz.report.json").read_text()

@@ -15,8 +15,8 @@ from scipy.spatial.transform import Rotation
 
 from gmr_traj.cli.exit_codes import ExitCode
 from gmr_traj.cli.main import main
-from gmr_traj.cli.outputs import SUFFIXES
 from gmr_traj.formats import read_clip
+from gmr_traj.formats.clip import SUFFIXES
 from gmr_traj.formats.human import write_human_npz
 from gmr_traj.formats.human.rigs import rigs
 from gmr_traj.metrics.observation import observe

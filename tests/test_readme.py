@@ -60,6 +60,7 @@ def test_options_named_in_the_readme_exist(capsys):
         "verify",
         "make-map",
         "bench",
+        "batch",
     ):
         with pytest.raises(SystemExit):
             main([subcommand, "--help"])

@@ -6,8 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from gmr_traj.exceptions import ClipError
-
-SUFFIXES = (".csv", ".npz", ".pickle", ".pkl")
+from gmr_traj.formats.clip import CLIP_SUFFIXES
 
 
 def clip_files(paths: list[Path]) -> Iterator[Path]:
@@ -18,9 +17,11 @@ def clip_files(paths: list[Path]) -> Iterator[Path]:
     """
     for path in paths:
         if path.is_dir():
-            clips = sorted(p for p in path.rglob("*") if p.is_file() and p.suffix.lower() in SUFFIXES)
+            clips = sorted(p for p in path.rglob("*") if p.is_file() and p.suffix.lower() in CLIP_SUFFIXES)
             if not clips:
-                raise ClipError(f"{path}: no clips in this folder; looked for {', '.join('*' + s for s in SUFFIXES)}")
+                raise ClipError(
+                    f"{path}: no clips in this folder; looked for {', '.join('*' + s for s in CLIP_SUFFIXES)}"
+                )
             yield from clips
         elif path.exists():
             yield path

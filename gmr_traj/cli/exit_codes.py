@@ -14,6 +14,7 @@ class ExitCode(IntEnum):
     BROKEN_PROMISE = 3
     NOT_CONVERGED = 4
     NOT_FOLLOWED = 5
+    CLIP_FAILED = 6
     INTERRUPTED = 130
 
     @property
@@ -29,7 +30,8 @@ _MEANINGS = {
     ExitCode.BROKEN_PROMISE: "the clip was written, but a promise of its certificate is broken",
     ExitCode.NOT_CONVERGED: "the solver did not converge; its last iterate is in <output>.unconverged.<suffix>",
     ExitCode.NOT_FOLLOWED: "a clip asks for what the robot cannot do, or a rollout fell (verify)",
-    ExitCode.INTERRUPTED: "interrupted from the keyboard; nothing was written",
+    ExitCode.CLIP_FAILED: "a clip failed or was not reached, the others are done; its record says why (batch)",
+    ExitCode.INTERRUPTED: "interrupted from the keyboard; nothing was written (batch: what was done stays)",
 }
 
 

@@ -16,6 +16,7 @@ import tyro
 from gmr_traj._version import __version__
 from gmr_traj.cli import (
     arguments,
+    batch_arguments,
     compare_arguments,
     make_map_arguments,
     refine_arguments,
@@ -38,6 +39,7 @@ exit codes:
 
 Command = (
     Annotated[refine_arguments.Refine, tyro.conf.subcommand("refine")]
+    | Annotated[batch_arguments.Batch, tyro.conf.subcommand("batch")]
     | Annotated[arguments.Inspect, tyro.conf.subcommand("inspect")]
     | Annotated[view_arguments.View, tyro.conf.subcommand("view")]
     | Annotated[render_arguments.Render, tyro.conf.subcommand("render")]

@@ -3,25 +3,14 @@
 from __future__ import annotations
 
 import os
-import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from gmr_traj.exceptions import GmrTrajError
-
-SUFFIXES = {
-    "gmr": ".pkl",
-    "gmr-traj": ".npz",
-    "unitree-csv": ".csv",
-    "protomotions-csv": ".csv",
-    "bones-csv": ".csv",
-    "mjlab": ".npz",
-    "beyondmimic": ".npz",
-    "holosoma": ".npz",
-    "phc": ".pkl",
-}
+from gmr_traj.formats.clip import SUFFIXES
 
 
 @dataclass(frozen=True)
@@ -90,15 +79,14 @@ def check(path: Path, clip: Path, force: bool) -> None:
 
 @contextmanager
 def staged(target: Path) -> Iterator[Path]:
-    """A temporary path beside ``target``, with its suffix; whatever was written there is gone after the block.
+    """A temporary path with the name of ``target``, in a hidden folder beside it that is gone after the block.
+
+    The name is the same because a format may hold it (PHC's does).
 
     Move the file away with ``os.replace`` inside the block to keep it.
     """
-    path = target.with_name(f".{target.stem}.{secrets.token_hex(6)}{target.suffix}")
-    try:
-        yield path
-    finally:
-        path.unlink(missing_ok=True)
+    with TemporaryDirectory(dir=target.parent, prefix=f".{target.stem}.") as folder:
+        yield Path(folder) / target.name
 
 
 def publish(staged_clip: Path, clip: Path, report: Path, report_text: str) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +11,7 @@ from gmr_traj import atomic
 from gmr_traj._version import __version__
 from gmr_traj.cli import outputs, recordings, tables
 from gmr_traj.cli.exit_codes import ExitCode
-from gmr_traj.cli.human_input import start
+from gmr_traj.cli.human_input import Start, start
 from gmr_traj.cli.terminal import console, progress
 from gmr_traj.collision.audit import audit
 from gmr_traj.contacts import schedule_json
@@ -23,12 +23,28 @@ from gmr_traj.formats.human import is_human
 from gmr_traj.interrupts import passed_on
 from gmr_traj.metrics import Certificate, certify
 from gmr_traj.motion import RobotMotion
-from gmr_traj.problem import load_problem
+from gmr_traj.problem import Problem, load_problem
 from gmr_traj.refine import Refinement, refine
 from gmr_traj.robot import Robot
 
 if TYPE_CHECKING:
     from gmr_traj.cli.refine_arguments import Refine
+    from gmr_traj.whole_clip import Progress
+
+
+@dataclass(frozen=True)
+class Written:
+    """A refined clip that was written.
+
+    Attributes:
+        clip: as it was read back, its targets on the floor.
+        certificate: of the file.
+        audit: overlaps of the model's own collision shapes, the deepest first.
+    """
+
+    clip: Clip
+    certificate: Certificate
+    audit: list[dict[str, Any]]
 
 
 def run(arguments: Refine) -> int:
@@ -47,36 +63,21 @@ def run(arguments: Refine) -> int:
     problem = load_problem(arguments.problem)
     with progress(not arguments.quiet) as callback, passed_on():
         begun = start(arguments, callback)
-        clip, robot = begun.clip, begun.robot
-        schedule = _given_schedule(arguments.contacts, clip, robot)
-        refinement = refine(
-            clip.motion,
-            robot,
-            problem,
-            schedule=schedule,
-            references=clip.references,
-            source_stances=begun.stances,
-            window=arguments.window,
-            overlap=arguments.overlap,
-            progress=callback,
-        )
+        schedule = given_schedule(arguments.contacts, begun.clip, begun.robot)
+        refinement = solve(begun, schedule, arguments, problem, callback)
+    clip = begun.clip
     converged = refinement.report.status != "not converged"
     target = planned.clip if converged else planned.unconverged
     with outputs.staged(target) as staged:
-        refined = _refined(clip, refinement, robot)
-        write_clip(refined, staged, format=arguments.format, robot=robot)
-        # Measured on the file as it was written, read back, not on what was meant to be written.
-        written = read_clip(staged, robot, format=arguments.format or clip.format, fps=clip.motion.fps).motion
-        schedule = refinement.schedule
-        certificate = certify(
-            clip.motion, written, robot, schedule, levelling=schedule.height, references=clip.references
-        )
+        written = write(staged, begun, refinement, arguments.format)
+        certificate = written.certificate
         code = _exit_code(converged, certificate)
         report = _report(arguments, method, target, clip, refinement, certificate, code)
-        report["audit"] = _audit(written, robot)
+        report["audit"] = written.audit
         text = json.dumps(report, indent=2) + "\n"
         if recording is not None:
-            recordings.write(recording, begun, refined.with_motion(written), refinement, certificate)
+            trace = refinement.report.trace
+            recordings.write(recording, begun, written.clip, refinement.schedule, certificate, trace)
         outputs.publish(staged, target, planned.report(target), text)
     if planned.contacts is not None:
         with atomic.write(planned.contacts) as stream:
@@ -90,7 +91,65 @@ def run(arguments: Refine) -> int:
     return code
 
 
-def _given_schedule(path: Path | None, clip: Clip, robot: Robot) -> ContactSchedule | None:
+def solve(
+    begun: Start,
+    schedule: ContactSchedule | None,
+    arguments: Refine,
+    problem: Problem,
+    callback: Progress | None = None,
+) -> Refinement:
+    """Refine a clip that was read, with its schedule, or one that is detected.
+
+    Raises:
+        GmrTrajError: the schedule, the windows or the problem do not fit the clip.
+    """
+    clip = begun.clip
+    return refine(
+        clip.motion,
+        begun.robot,
+        problem,
+        schedule=schedule,
+        references=clip.references,
+        source_stances=begun.stances,
+        window=arguments.window,
+        overlap=arguments.overlap,
+        progress=callback,
+    )
+
+
+def write(path: Path, begun: Start, refinement: Refinement, file_format: str | None) -> Written:
+    """Write a refined clip and measure what was written.
+
+    Args:
+        path: the file; an existing one is replaced.
+        begun: what was refined.
+        refinement: what it came to.
+        file_format: format of the file; the input's where None.
+
+    Raises:
+        ClipError: the format cannot hold the clip.
+    """
+    write_clip(grounded(begun, refinement.motion, refinement.schedule), path, format=file_format, robot=begun.robot)
+    # Measured on the file as it was written, read back, not on what was meant to be written.
+    return read_back(path, begun, refinement.schedule, file_format)
+
+
+def read_back(path: Path, begun: Start, schedule: ContactSchedule, file_format: str | None) -> Written:
+    """Measure a refined clip that was written.
+
+    Args:
+        path: the file.
+        begun: what was refined.
+        schedule: the stances it was planted by.
+        file_format: that was asked for; the input's where None.
+    """
+    clip, robot = begun.clip, begun.robot
+    motion = read_clip(path, robot, format=file_format or clip.format, fps=clip.motion.fps).motion
+    certificate = certify(clip.motion, motion, robot, schedule, levelling=schedule.height, references=clip.references)
+    return Written(grounded(begun, motion, schedule), certificate, _audit(motion, robot))
+
+
+def given_schedule(path: Path | None, clip: Clip, robot: Robot) -> ContactSchedule | None:
     """The schedule the user or the clip brings along; None to detect one."""
     if path is None:
         return clip.schedule
@@ -103,14 +162,13 @@ def _given_schedule(path: Path | None, clip: Clip, robot: Robot) -> ContactSched
         raise ScheduleError(f"{path}: {error}") from error
 
 
-def _refined(clip: Clip, refinement: Refinement, robot: Robot) -> Clip:
+def grounded(begun: Start, motion: RobotMotion, schedule: ContactSchedule) -> Clip:
     """The clip to write: the refined motion, its schedule, and the source's targets on the same floor."""
-    references = clip.references
+    references = begun.clip.references
     if references is not None:
-        references = references.raised(source_height(references, robot, refinement.schedule))
+        references = references.raised(source_height(references, begun.robot, schedule))
     # The written motion stands on the floor already, so its schedule has nothing left to raise.
-    schedule = replace(refinement.schedule, height=0.0)
-    return replace(clip, motion=refinement.motion, schedule=schedule, references=references)
+    return replace(begun.clip, motion=motion, schedule=replace(schedule, height=0.0), references=references)
 
 
 def _audit(written: RobotMotion, robot: Robot) -> list[dict[str, Any]]:

@@ -13,7 +13,27 @@ from gmr_traj.cli.human_options import METHOD, HumanOptions, Method
 
 
 @dataclass(frozen=True, kw_only=True)
-class Refine(HumanOptions, Common):
+class RefineOptions(HumanOptions, Common):
+    """What refining a clip depends on beside the clip; `gmr-traj batch` has the same options."""
+
+    method: Annotated[Method, METHOD] = "gmr"
+    """How a human motion is retargeted before it is refined."""
+
+    format: Annotated[Format | None, FORMAT] = None
+    """Format of the output; the input's where it is not given, gmr-traj for a human motion."""
+
+    problem: Annotated[str, named("NAME|PATH")] = "refine"
+    """Problem: one that ships with gmr-traj, or the path of a problem file."""
+
+    window: Annotated[float | None, named("SECONDS", "the whole clip at once")] = None
+    """Solve in windows of this length."""
+
+    overlap: Annotated[float | None, named("SECONDS", "a quarter of the window")] = None
+    """How far neighbouring windows overlap."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Refine(RefineOptions):
     """Refine a clip: one trajectory optimisation over all of its frames. A human motion is retargeted first.
 
     Writes the refined clip and, beside it, <output>.report.json with the certificate, the solver's report and the
@@ -26,29 +46,14 @@ class Refine(HumanOptions, Common):
     source: Annotated[Path | None, named("FILE", "what the clip brings along")] = None
     """Human motion that the clip is a retarget of: its bodies are followed, and its feet say where contacts are."""
 
-    method: Annotated[Method, METHOD] = "gmr"
-    """How a human motion is retargeted before it is refined."""
-
     output: Annotated[Path | None, named("PATH", "<stem>_refined<suffix> beside the input")] = None
     """File to write."""
-
-    format: Annotated[Format | None, FORMAT] = None
-    """Format of the output; the input's where it is not given, gmr-traj for a human motion."""
-
-    problem: Annotated[str, named("NAME|PATH")] = "refine"
-    """Problem: one that ships with gmr-traj, or the path of a problem file."""
 
     contacts: Annotated[Path | None, named("JSON", "the clip's own, else detected")] = None
     """Contact schedule to use."""
 
     save_contacts: Annotated[Path | None, named("JSON", "not written")] = None
     """Write the contact schedule that was used, to edit it and pass it back with --contacts."""
-
-    window: Annotated[float | None, named("SECONDS", "the whole clip at once")] = None
-    """Solve in windows of this length."""
-
-    overlap: Annotated[float | None, named("SECONDS", "a quarter of the window")] = None
-    """How far neighbouring windows overlap."""
 
     rerun: Annotated[Path | None, named("RRD", "not written")] = None
     """Write a recording of the clip before and after, for the rerun viewer."""

@@ -15,6 +15,7 @@ from gmr_traj.cli.human_input import retargeted_clip
 from gmr_traj.cli.human_options import about
 from gmr_traj.cli.terminal import console, progress
 from gmr_traj.formats import write_clip
+from gmr_traj.formats.clip import SUFFIXES
 from gmr_traj.human_motion import HumanMotion
 from gmr_traj.retarget.retarget import Retargeted, retarget
 from gmr_traj.robot_loading import load_robot
@@ -54,7 +55,7 @@ def run(arguments: Retarget) -> int:
         GmrTrajError: anything the user can put right; nothing was written then.
     """
     file = arguments.file
-    target = arguments.output or file.with_name(f"{file.stem}_retargeted{outputs.SUFFIXES[arguments.format]}")
+    target = arguments.output or file.with_name(f"{file.stem}_retargeted{SUFFIXES[arguments.format]}")
     outputs.check(target, file, arguments.force)
     robot = load_robot(arguments.robot)
     human = arguments.read_human(file, arguments.fps)

@@ -24,6 +24,22 @@ FORMATS: Mapping[str, str] = {
     "phc": "joblib pickle: {clip: root_trans_offset, root_rot (xyzw), dof, pose_aa, fps}",
 }
 
+#: Suffixes of the files that are written in each format.
+SUFFIXES: Mapping[str, str] = {
+    "gmr": ".pkl",
+    "gmr-traj": ".npz",
+    "unitree-csv": ".csv",
+    "protomotions-csv": ".csv",
+    "bones-csv": ".csv",
+    "mjlab": ".npz",
+    "beyondmimic": ".npz",
+    "holosoma": ".npz",
+    "phc": ".pkl",
+}
+
+#: Suffixes of clips in a folder.
+CLIP_SUFFIXES = (".csv", ".npz", ".pickle", ".pkl")
+
 
 @dataclass(frozen=True)
 class Clip:
