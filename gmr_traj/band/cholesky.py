@@ -50,6 +50,16 @@ class _Front:
     forward: list[Call]
     backward: list[Call]
 
+    def substitute(self, before: _Front | None) -> None:
+        """Forward substitution, after that of the block before."""
+        if before is not None:
+            p, k, done = len(self.pivots), len(before.onward), before.vector[len(before.pivots) :]
+            self.vector[:p] += done[k:]
+            if k:
+                self.vector[p + before.onward] += done[:k]
+        for call, arguments in self.forward:
+            call(*arguments)
+
 
 class BlockCholesky:
     """Analysed once, factored as often as the numbers change.
@@ -131,9 +141,14 @@ class BlockCholesky:
         found = np.searchsorted(self._keys, rank * self.size + other)
         return np.asarray(self._offsets[rank] + self._column[pivot] * self._heights[rank] + self._rows[found])
 
-    def factor(self) -> bool:
-        """Factor what is in the store; whether it was positive definite."""
+    def factor(self, right: np.ndarray) -> bool:
+        """Factor what is in the store; whether it was positive definite.
+
+        Args:
+            right: b, for :meth:`finish`: its forward substitution is done on the way, while a block is in the cache.
+        """
         self._info.value = 0
+        self._load(right)
         before: _Front | None = None
         for front in self._fronts:
             update, p = front.update, len(front.pivots)
@@ -149,6 +164,7 @@ class BlockCholesky:
                 call(*arguments)
             if self._info.value:
                 return False
+            front.substitute(before)
             before = front
         return True
 
@@ -158,18 +174,19 @@ class BlockCholesky:
         Args:
             right: b.  # (nx,)
         """
-        self._work[:] = 0.0
-        self._work[self._slots] = right[self._pivots]
+        self._load(right)
         before: _Front | None = None
         for front in self._fronts:
-            if before is not None:
-                p, k, done = len(front.pivots), len(before.onward), before.vector[len(before.pivots) :]
-                front.vector[:p] += done[k:]
-                if k:
-                    front.vector[p + before.onward] += done[:k]
-            for call, arguments in front.forward:
-                call(*arguments)
+            front.substitute(before)
             before = front
+        return self.finish()
+
+    def _load(self, right: np.ndarray) -> None:
+        self._work[:] = 0.0
+        self._work[self._slots] = right[self._pivots]
+
+    def finish(self) -> np.ndarray:
+        """X, by back substitution, of the right-hand side that :meth:`factor` was given."""
         after: _Front | None = None
         for front in reversed(self._fronts):
             if after is not None:
@@ -196,7 +213,7 @@ def _staircase(begin: np.ndarray, p: int, at: int, height: int, update: int) -> 
         update: address of S.
     """
     r = len(begin)
-    columns = np.unique(np.linspace(0, p, _STEPS + 1).round().astype(int)).tolist()
+    columns = sorted({round(p * step / _STEPS) for step in range(_STEPS + 1)})
     solving, updating, done = [], [], 0
     for first, stop in pairwise(columns):
         rows = int(np.searchsorted(begin, stop))

@@ -143,17 +143,20 @@ class _State:
         weight = bounds.spread(self._zl / self._below, self._zu / self._above)
         diagonal = weight[:n].copy()
         diagonal[self._held] += _HELD
-        if not self._program.condense(diagonal, weight[n:]):
+        lower, upper = -self._zl, -self._zu
+        if not self._program.condense(diagonal, weight[n:], self._right(weight, lower, upper)):
             return False
-        dw, dzl, dzu = self._step(weight, 0.0, 0.0, 0.0)
+        dw, dzl, dzu = self._step(lower, upper, self._program.factor.finish())
         primal = min(1.0, bounds.longest(self._below, self._above, dw))
         dual = min(_longest(self._zl, dzl), _longest(self._zu, dzu))
         change_below, change_above = bounds.of(dw)
-        lower = (self._zl + dual * dzl) @ (self._below + primal * change_below)
-        upper = (self._zu + dual * dzu) @ (self._above - primal * change_above)
+        ahead = float((self._zl + dual * dzl) @ (self._below + primal * change_below))
+        ahead += float((self._zu + dual * dzu) @ (self._above - primal * change_above))
         count = len(self._zl) + len(self._zu)
-        centring = min(1.0, float((lower + upper) / count / self._mu) ** 3) if count and self._mu > 0.0 else 0.0
-        dw, dzl, dzu = self._step(weight, centring * self._mu, change_below * dzl, change_above * dzu)
+        centring = min(1.0, (ahead / count / self._mu) ** 3) if count and self._mu > 0.0 else 0.0
+        lower += (centring * self._mu - change_below * dzl) / self._below
+        upper += (centring * self._mu + change_above * dzu) / self._above
+        dw, dzl, dzu = self._step(lower, upper, self._program.factor.solve(self._right(weight, lower, upper)))
         keep = min(max(0.99, 1.0 - self._mu), 1.0 - 1e-9)
         primal = min(1.0, keep * bounds.longest(self._below, self._above, dw))
         dual = min(1.0, keep * min(_longest(self._zl, dzl, np.inf), _longest(self._zu, dzu, np.inf)))
@@ -166,19 +169,19 @@ class _State:
         self._still = self._still + 1 if still and min(primal, dual) >= _WHOLE else 0
         return True
 
-    def _step(
-        self, weight: np.ndarray, target: float, below: np.ndarray | float, above: np.ndarray | float
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Steps of w, zl and zu toward products of ``target``, less ``below`` and plus ``above``."""
-        n, program, bounds = self._program.size, self._program, self._bounds
-        lower, upper = (target - below) / self._below - self._zl, (target + above) / self._above - self._zu
-        tau = bounds.spread(lower, -upper)
-        right = tau[:n] - self._residual + program.jacobian.T @ (tau[n:] - weight[n:] * self._gap)
+    def _right(self, weight: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
+        """The right-hand side of a step with tau from its shares of lower and of upper bounds.  # (nx,)"""
+        n = self._program.size
+        tau = self._bounds.spread(lower, -upper)
+        right = tau[:n] - self._residual + self._program.jacobian.T @ (tau[n:] - weight[n:] * self._gap)
         right[self._held] = 0.0
-        dx = program.factor.solve(right)
+        return right
+
+    def _step(self, lower: np.ndarray, upper: np.ndarray, dx: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Steps of w, zl and zu from that of x."""
         dx[self._held] = 0.0
-        dw = np.concatenate([dx, program.jacobian @ dx + self._gap])
-        change_below, change_above = bounds.of(dw)
+        dw = np.concatenate([dx, self._program.jacobian @ dx + self._gap])
+        change_below, change_above = self._bounds.of(dw)
         return dw, lower - self._zl * change_below / self._below, upper + self._zu * change_above / self._above
 
 

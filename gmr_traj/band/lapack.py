@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
-from functools import cache
+from functools import cache, lru_cache
+from typing import Any
 
 from scipy.linalg import cython_blas, cython_lapack
 
@@ -21,7 +22,7 @@ from gmr_traj.exceptions import SolverError
 Call = tuple[Callable[..., None], tuple[int, ...]]
 
 _ARGUMENTS = {"dpotrf": 5, "dtrsm": 11, "dsyrk": 10, "dtrsv": 8, "dgemv": 11}
-_CONSTANTS: dict[object, ctypes.c_int | ctypes.c_double | ctypes.c_char] = {}
+_CONSTANTS: list[Any] = []
 
 
 @cache
@@ -37,18 +38,12 @@ def _routine(name: str) -> Callable[..., None]:
     return ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * _ARGUMENTS[name])(address)
 
 
+@lru_cache(maxsize=None, typed=True)
 def _at(value: int | float | str) -> int:
     """The address of a constant, which is kept."""
-    key = (type(value), value)
-    if key not in _CONSTANTS:
-        _CONSTANTS[key] = (
-            ctypes.c_char(value.encode())
-            if isinstance(value, str)
-            else ctypes.c_int(value)
-            if isinstance(value, int)
-            else ctypes.c_double(value)
-        )
-    return ctypes.addressof(_CONSTANTS[key])
+    kind: Any = {str: ctypes.c_char, int: ctypes.c_int, float: ctypes.c_double}[type(value)]
+    _CONSTANTS.append(kind(value.encode() if isinstance(value, str) else value))
+    return ctypes.addressof(_CONSTANTS[-1])
 
 
 def cholesky(n: int, a: int, lda: int, info: int) -> Call:

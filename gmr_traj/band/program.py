@@ -102,8 +102,14 @@ class Program:
         np.take(np.concatenate(entries), self._entries, out=self.jacobian.data)
         return value, gradient, rows
 
-    def condense(self, sigma_unknowns: np.ndarray, sigma_rows: np.ndarray) -> bool:
-        """Factor A at the point of the last evaluation; whether it is positive definite."""
+    def condense(self, sigma_unknowns: np.ndarray, sigma_rows: np.ndarray, right: np.ndarray) -> bool:
+        """Factor A at the point of the last evaluation; whether it is positive definite.
+
+        Args:
+            sigma_unknowns: weights of the unknowns.  # (nx,)
+            sigma_rows: weights of the rows.  # (m,)
+            right: the first right-hand side that will be asked for.  # (nx,)
+        """
         store = self.factor.store
         store[:] = 0.0
         shares = [self._quadratic_entries, *(cost.hessian for cost in self._costs)]
@@ -112,7 +118,7 @@ class Program:
         shares += [self._fixed_products @ sigma_rows, sigma_unknowns]
         for adder, share in zip(self._adders, shares, strict=True):
             adder.add(store, share)
-        return self.factor.factor()
+        return self.factor.factor(right)
 
 
 class _Adder:
