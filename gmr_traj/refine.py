@@ -48,6 +48,7 @@ def refine(
     schedule: ContactSchedule | None = None,
     references: BodyTargets | None = None,
     source_stances: ContactSchedule | None = None,
+    held: np.ndarray | None = None,
     window: float | None = None,
     overlap: float | None = None,
     kinematics: CasadiKinematics | None = None,
@@ -63,6 +64,7 @@ def refine(
         references: where the source has the bodies, in the world of ``motion``; where they are given they are tracked,
             fitted to the robot (see :mod:`~gmr_traj.misfit`), instead of the clip.
         source_stances: when the sole points are in stance in the source, for the detection of stances.
+        held: frames that keep the input's configuration, raised to the floor.  # (H,)
         window: length of the windows to solve one after another [s]; None for the whole clip at once.
         overlap: look-ahead of a window beyond the frames that are kept of it [s].
         kinematics: of the robot; whoever refines many clips keeps one, because what was compiled for it is used again.
@@ -98,11 +100,12 @@ def refine(
     kinematics = kinematics or CasadiKinematics(robot)
     # Where a limb is deep in the body the input is no reference: start from, and stay near, a way around.
     start, _ = untangle(robot, levelled)
+    fixed = np.zeros(0, int) if held is None else held
     believed = trust(motion)
     targets = None
     if references is not None:
         targets = fitted(references.raised(schedule.height), robot, start, believed)
-    task = Task(start, start, believed, schedule, held=np.zeros(0, int), references=targets)
+    task = Task(start, start, believed, schedule, held=fixed, references=targets)
     if window is None:
         result, report = solve_clip(task, kinematics, problem, progress)
     else:

@@ -65,7 +65,8 @@ def solve_windows(
             stop = frames
         if progress is not None:
             progress("windows", final, frames)
-        part = task.part(task.centre.with_qpos(qpos), start, stop, held=np.arange(final - start))
+        held = np.union1d(np.arange(start, final), task.held[(task.held >= start) & (task.held < stop)]) - start
+        part = task.part(task.centre.with_qpos(qpos), start, stop, held)
         motion, report = solve_clip(part, kinematics, problem)
         kept = stop if stop == frames else stop - ahead
         # What the window saw beyond what is kept of it is where the next one starts from: there is no jump to get over.

@@ -33,8 +33,8 @@ def outcome(monkeypatch):
     """Stands in for the solve: hands the clip back standing on the floor, with the status and the fault wanted."""
     wanted = SimpleNamespace(status="converged", fault=0.0, held=None, calls=[])
 
-    def refine(motion, robot, problem, *, schedule, references, source_stances, window, overlap, progress):
-        given = {"schedule": schedule, "references": references, "source_stances": source_stances}
+    def refine(motion, robot, problem, *, schedule, references, source_stances, held, window, overlap, progress):
+        given = {"schedule": schedule, "references": references, "source_stances": source_stances, "held": held}
         wanted.calls.append(SimpleNamespace(window=window, overlap=overlap, motion=motion, **given))
         schedule = schedule or detect(motion, robot, source=source_stances)
         levelled = motion.shifted(schedule.height)

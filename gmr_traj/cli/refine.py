@@ -7,11 +7,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from gmr_traj import atomic
 from gmr_traj._version import __version__
 from gmr_traj.cli import outputs, recordings, tables
 from gmr_traj.cli.exit_codes import ExitCode
 from gmr_traj.cli.human_input import Start, start
+from gmr_traj.cli.refine_lead import to_json, wanted_leads, with_leads
 from gmr_traj.cli.terminal import console, progress
 from gmr_traj.collision.audit import audit
 from gmr_traj.contacts import schedule_json
@@ -60,11 +63,15 @@ def run(arguments: Refine) -> int:
     file_format = arguments.format or (None if method is None else "gmr-traj")
     planned = outputs.plan(arguments.clip, arguments.output, file_format, arguments.save_contacts, arguments.force)
     recording = recordings.plan(arguments)
+    leads = wanted_leads(arguments)
     problem = load_problem(arguments.problem)
     with progress(not arguments.quiet) as callback, passed_on():
         begun = start(arguments, callback)
-        schedule = given_schedule(arguments.contacts, begun.clip, begun.robot)
-        refinement = solve(begun, schedule, arguments, problem, callback)
+        schedule, extended, held = given_schedule(arguments.contacts, begun.clip, begun.robot), None, None
+        if leads is not None:
+            begun, schedule, extended = with_leads(begun, schedule, leads)
+            held = extended.held
+        refinement = solve(begun, schedule, arguments, problem, callback, held)
     clip = begun.clip
     converged = refinement.report.status != "not converged"
     target = planned.clip if converged else planned.unconverged
@@ -73,6 +80,7 @@ def run(arguments: Refine) -> int:
         certificate = written.certificate
         code = _exit_code(converged, certificate)
         report = _report(arguments, method, target, clip, refinement, certificate, code)
+        report["lead"] = to_json(extended)
         report["audit"] = written.audit
         text = json.dumps(report, indent=2) + "\n"
         if recording is not None:
@@ -97,8 +105,9 @@ def solve(
     arguments: Refine,
     problem: Problem,
     callback: Progress | None = None,
+    held: np.ndarray | None = None,
 ) -> Refinement:
-    """Refine a clip that was read, with its schedule, or one that is detected.
+    """Refine a clip that was read, with its schedule, or one that is detected; ``held`` are frames that stay.
 
     Raises:
         GmrTrajError: the schedule, the windows or the problem do not fit the clip.
@@ -111,6 +120,7 @@ def solve(
         schedule=schedule,
         references=clip.references,
         source_stances=begun.stances,
+        held=held,
         window=arguments.window,
         overlap=arguments.overlap,
         progress=callback,

@@ -77,7 +77,8 @@ def write(clip: Clip, stream: BinaryIO) -> tuple[str, ...]:
     if clip.references is not None:
         content |= {key: np.array(getattr(clip.references, field)) for key, field in _REFERENCES.items()}
         content[_POINTS] = np.array(clip.references.points)
-    npz_file.save(stream, content | (clip.extras.get("others", {}) if own else {}))
+    others = clip.extras.get("others", {}) if own else {}
+    npz_file.save(stream, content | others | clip.extras.get("leads", {}))
     return ()
 
 

@@ -42,6 +42,23 @@ def placements(robot: Robot, qpos: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return positions, rotations.reshape(frames, bodies, 3, 3)
 
 
+def centres_of_mass(robot: Robot, qpos: np.ndarray) -> np.ndarray:
+    """Centre of mass of the whole robot in every frame [m].  # (T, 3)
+
+    Args:
+        robot: the robot.
+        qpos: configurations.  # (T, 7 + n)
+    """
+    data = mujoco.MjData(robot.model)
+    centres = np.empty((len(qpos), 3))
+    for t, q in enumerate(qpos):
+        data.qpos[:] = q
+        mujoco.mj_kinematics(robot.model, data)
+        mujoco.mj_comPos(robot.model, data)
+        centres[t] = data.subtree_com[1]
+    return centres
+
+
 def body_id(robot: Robot, body: str) -> int:
     """Index of a body in the MuJoCo model (the world is 0).
 

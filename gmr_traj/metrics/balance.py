@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import mujoco
 import numpy as np
 from scipy.signal import savgol_filter
 from scipy.spatial import ConvexHull, QhullError
 
+from gmr_traj.kinematics.mujoco_kinematics import centres_of_mass
 from gmr_traj.metrics.observation import Observation
 
 GRAVITY = 9.81  # [m/s^2]
@@ -15,15 +15,7 @@ _LEAST_LIFT = 0.3  # of gravity; a robot that presses less than this on the floo
 
 def centre_of_mass(observation: Observation) -> np.ndarray:
     """Centre of mass of the whole robot in every frame [m].  # (T, 3)"""
-    model = observation.robot.model
-    data = mujoco.MjData(model)
-    centre = np.empty((observation.motion.frames, 3))
-    for t, q in enumerate(observation.motion.qpos):
-        data.qpos[:] = q
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        centre[t] = data.subtree_com[1]
-    return centre
+    return centres_of_mass(observation.robot, observation.motion.qpos)
 
 
 def centre_of_pressure(observation: Observation, rate: float) -> np.ndarray:
