@@ -34,6 +34,7 @@ class Solution:
         iterations: of all attempts.
         seconds: wall-clock time of all attempts.
         evaluation_seconds: the part spent in function evaluations.
+        linear_seconds: the part spent on linear systems; of Ipopt, all that is not spent in function evaluations.
         objective: f(x).
         trace: objective and infeasibilities by iteration, for plots.
     """
@@ -45,6 +46,7 @@ class Solution:
     iterations: int
     seconds: float
     evaluation_seconds: float
+    linear_seconds: float
     objective: float
     trace: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
@@ -66,6 +68,7 @@ def in_turn(attempts: Sequence[Attempt], start: np.ndarray, run: Callable[[Attem
                 iterations=solution.iterations + latest.iterations,
                 seconds=solution.seconds + latest.seconds,
                 evaluation_seconds=solution.evaluation_seconds + latest.evaluation_seconds,
+                linear_seconds=solution.linear_seconds + latest.linear_seconds,
             )
         solution = latest
         if solution.status != "not converged":

@@ -49,3 +49,7 @@ class PolicyError(GmrTrajError):
 
 class BatchError(GmrTrajError):
     """A batch cannot be run: its inputs, its settings, its folder or its cluster are not what they should be."""
+
+
+class BenchError(GmrTrajError):
+    """Something cannot be measured: what it needs is missing, or the process that measures it ended early."""

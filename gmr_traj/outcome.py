@@ -39,8 +39,9 @@ class SolveReport:
         solver_status: Ipopt's own word for it.
         strategy: the strategies that gave the result.
         iterations: of all passes and windows.
-        seconds: wall-clock time in Ipopt.
+        seconds: wall-clock time in the engines.
         evaluation_seconds: the part of it spent in function evaluations.
+        linear_seconds: the part of it spent on linear systems; of Ipopt, all that is not spent in function evaluations.
         passes: solves, the most of any window.
         objective: value at the solution (sum over windows).
         terms: every residual.
@@ -54,6 +55,7 @@ class SolveReport:
     iterations: int
     seconds: float
     evaluation_seconds: float
+    linear_seconds: float
     passes: int
     objective: float
     terms: tuple[TermReport, ...]
@@ -63,5 +65,6 @@ class SolveReport:
     def to_json(self) -> dict[str, Any]:
         """Plain containers, ready for ``json.dumps``, without the trace and the times: equal runs give equal bytes."""
         content = asdict(self)
-        del content["seconds"], content["evaluation_seconds"], content["trace"]
+        for key in ("seconds", "evaluation_seconds", "linear_seconds", "trace"):
+            del content[key]
         return content

@@ -37,13 +37,14 @@ class GaussNewton:
         self._inputs = [z, p]
         self._outputs = [cost, gradient, hessian]
 
-    def _function(self, name: str, outputs: list[ca.SX]) -> ca.Function:
-        return ca.Function(name, self._inputs, outputs, {"cse": True})
+    def _function(self, name: str, outputs: list[ca.SX], shared: bool = True) -> ca.Function:
+        return ca.Function(name, self._inputs, outputs, {"cse": shared})
 
     @cached_property
     def value(self) -> ca.Function:
         """(z, p) -> cost."""
-        return self._function("value", self._outputs[:1])
+        # Has next to nothing in common with itself, and looking for that takes many times the rest.
+        return self._function("value", self._outputs[:1], shared=False)
 
     @cached_property
     def gradient(self) -> ca.Function:

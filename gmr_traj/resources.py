@@ -1,7 +1,7 @@
-"""Data that ships with gmr-traj: robots, problems and configs, found by name or by path.
+"""Data that ships with gmr-traj: robots, problems, configs and an example, found by name or by path.
 
-A wheel carries the top-level folders ``models``, ``problems`` and ``configs`` as ``gmr_traj/share/<kind>``;
-in a checkout (and an editable install) they are beside the package.
+A wheel carries the top-level folders ``models``, ``problems`` and ``configs`` as ``gmr_traj/share/<kind>``, and of
+``examples`` one motion; in a checkout (and an editable install) they are beside the package.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from pathlib import Path
 
 from gmr_traj.exceptions import ResourceError
 
-KINDS = ("models", "problems", "configs")
+KINDS = ("models", "problems", "configs", "examples")
 _PACKAGE = Path(__file__).resolve().parent
 
 
@@ -18,7 +18,7 @@ def folder(kind: str) -> Path:
     """Folder that holds the resources of one kind.
 
     Args:
-        kind: ``models``, ``problems`` or ``configs``.
+        kind: one of ``KINDS``.
 
     Raises:
         ResourceError: the kind is unknown, or the installation carries no such folder.
@@ -46,7 +46,7 @@ def find(kind: str, name: str | Path) -> Path:
     A path that exists wins over a name; a name is looked up in the folder of its kind, with or without ``.toml``.
 
     Args:
-        kind: ``models``, ``problems`` or ``configs``.
+        kind: one of ``KINDS``.
         name: name of a resource, or a path to a file or folder of one's own.
 
     Returns:

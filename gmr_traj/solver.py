@@ -73,7 +73,18 @@ def solve(nlp: Nlp, attempt: Attempt, start: np.ndarray) -> Solution:
         x, status = start, "not converged"
     trace = {key: tuple(map(float, values)) for key, values in stats.get("iterations", {}).items()}
     iterations = int(stats["iter_count"])
-    return Solution(x, status, word, attempt.name, iterations, seconds, evaluation, float(result["f"]), trace)
+    return Solution(
+        x,
+        status,
+        word,
+        attempt.name,
+        iterations,
+        seconds,
+        evaluation,
+        seconds - evaluation,
+        float(result["f"]),
+        trace,
+    )
 
 
 def _solver(nlp: Nlp, attempt: Attempt) -> ca.Function:

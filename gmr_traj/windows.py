@@ -105,6 +105,7 @@ def _merged(reports: list[SolveReport]) -> SolveReport:
         iterations=sum(report.iterations for report in reports),
         seconds=sum(report.seconds for report in reports),
         evaluation_seconds=sum(report.evaluation_seconds for report in reports),
+        linear_seconds=sum(report.linear_seconds for report in reports),
         passes=max(report.passes for report in reports),
         objective=sum(report.objective for report in reports),
         terms=tuple(terms.values()),

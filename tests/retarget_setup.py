@@ -1,17 +1,14 @@
-"""What the tests of retargeting share: motions whose answer is known, and GMR's loop written plainly with mink."""
+"""What the tests of retargeting share: motions whose answer is known, and mink's shortcut in its derivatives."""
 
 from __future__ import annotations
 
-import copy
 from dataclasses import replace
 
-import mink
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gmr_traj.human_motion import HumanMotion
 from gmr_traj.kinematics.mujoco_kinematics import placements
-from gmr_traj.references import BodyTargets
 from gmr_traj.retarget.body_map import BodyMap
 from gmr_traj.retarget.frame_error import Twists, cross_matrix, turning_slopes
 from gmr_traj.robot import Robot
@@ -95,52 +92,3 @@ def minks_slopes(twists: Twists) -> np.ndarray:
     none = (twists.w**2).sum(axis=1) < 1e-10
     out[none] = cross_matrix(twists.d)[none]
     return out
-
-
-def plain_gmr_loop(robot: Robot, body_map: BodyMap, targets: BodyTargets, published: bool = False) -> np.ndarray:
-    """GMR's loop with mink, in a model with the map's joint ranges.
-
-    Args:
-        robot: the robot.
-        body_map: bodies (their origins only), costs, joint ranges.
-        targets: what to follow.
-        published: hand the limits over as GMR's code does, where mink does not see them and makes its own in each step:
-            the same limits, but slower.
-    """
-    model = copy.copy(robot.model)
-    for joint, ends in body_map.joint_ranges.items():
-        model.jnt_range[model.joint(joint).id] = ends
-    limits = [mink.ConfigurationLimit(model)]
-    stages = [
-        [mink.FrameTask(t.body, "body", *(t.stage_one, t.stage_two)[k], lm_damping=1.0) for t in body_map.targets]
-        for k in (0, 1)
-    ]
-    configuration = mink.Configuration(model)
-    start = np.zeros(model.nq)
-    start[:7] = 0.0, 0.0, model.qpos0[2], 1.0, 0.0, 0.0, 0.0
-    configuration.update(start)
-
-    def error(tasks: list[mink.FrameTask]) -> float:
-        return float(np.linalg.norm(np.concatenate([task.compute_error(configuration) for task in tasks])))
-
-    def solve(tasks: list[mink.FrameTask]) -> None:
-        dt = model.opt.timestep
-        handed = (limits,) if published else (False, limits)
-        velocity = mink.solve_ik(configuration, tasks, dt, "daqp", 0.5, *handed)
-        configuration.integrate_inplace(velocity, dt)
-
-    out = []
-    for t in range(targets.frames):
-        for tasks in stages:
-            for task, p, q in zip(tasks, targets.positions[t], targets.quaternions[t], strict=True):
-                task.set_target(mink.SE3(np.concatenate([q, p])))
-        for tasks in stages:
-            before = error(tasks)
-            solve(tasks)
-            after, count = error(tasks), 0
-            while before - after > 0.001 and count < 10:
-                before = after
-                solve(tasks)
-                after, count = error(tasks), count + 1
-        out.append(configuration.q.copy())
-    return np.stack(out)

@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import TEST_DATA
-from retarget_setup import cut, dance, human_of, largest_difference, minks_slopes, plain_gmr_loop
+from retarget_setup import cut, dance, human_of, largest_difference, minks_slopes
 from scipy.spatial.transform import Rotation
 
+from gmr_traj.bench.gmr_loop import gmr_loop
 from gmr_traj.exceptions import GmrTrajError, MapError
 from gmr_traj.human_motion import HumanMotion
 from gmr_traj.metrics.observation import observe
@@ -156,7 +157,7 @@ def test_joint_ranges_of_the_map_hold(g1: Robot, lafan1: BodyMap, human: HumanMo
 
 def test_gmr_code_is_gmrs_loop(g1: Robot, lafan1: BodyMap, human: HumanMotion, monkeypatch: pytest.MonkeyPatch):
     noisy = cut(human, 0, 12, noise=NOISE)
-    plain = plain_gmr_loop(g1, lafan1, scaled_targets(noisy, lafan1, height=1.75))
+    plain = gmr_loop(g1, lafan1, scaled_targets(noisy, lafan1, height=1.75)).qpos
     result = retarget(noisy, g1, lafan1, method="gmr-code")
     assert result.raised == 0.0
     assert largest_difference(g1, plain, result.motion.qpos) < 3e-3  # what its tolerance leaves open

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from retarget_setup import cut, largest_difference, minks_slopes, plain_gmr_loop
+from retarget_setup import cut, largest_difference, minks_slopes
 
+from gmr_traj.bench.gmr_loop import gmr_loop
 from gmr_traj.formats.human import read_human
 from gmr_traj.kinematics.mujoco_kinematics import placements
 from gmr_traj.retarget import inverse_kinematics
@@ -80,8 +81,8 @@ def test_faster_than_gmrs_loop(g1: Robot, data_dir: Path):
     targets = scaled_targets(human, body_map)
     seconds = {}
     for name, run in {
-        "as published": lambda: plain_gmr_loop(g1, body_map, targets, published=True),
-        "mink at its best": lambda: plain_gmr_loop(g1, body_map, targets),
+        "as published": lambda: gmr_loop(g1, body_map, targets, published=True),
+        "mink at its best": lambda: gmr_loop(g1, body_map, targets),
         "gmr-code": lambda: retarget(human, g1, body_map, method="gmr-code"),
         "gmr": lambda: retarget(human, g1, body_map),
     }.items():

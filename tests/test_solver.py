@@ -70,6 +70,7 @@ def test_attempts_go_on_from_where_the_last_one_stopped() -> None:
     # Iterations of all attempts count, and the second one did not start over.
     assert first.iterations < helped.iterations < first.iterations + alone.iterations
     assert helped.seconds >= helped.evaluation_seconds > 0.0
+    assert helped.evaluation_seconds + helped.linear_seconds == pytest.approx(helped.seconds)
     assert len(alone.trace["obj"]) == alone.iterations + 1
 
 

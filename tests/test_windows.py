@@ -158,7 +158,7 @@ def test_a_window_starts_from_what_the_last_one_saw_ahead(monkeypatch: pytest.Mo
         parts.append(part)
         qpos = part.centre.qpos.copy()
         qpos[len(part.held) :, 0] = len(parts)  # the window's mark
-        report = SolveReport("converged", "Solve_Succeeded", "fake", 1, 0.0, 0.0, 1, 0.0, (), "")
+        report = SolveReport("converged", "Solve_Succeeded", "fake", 1, 0.0, 0.0, 0.0, 1, 0.0, (), "")
         return part.centre.with_qpos(qpos), report
 
     monkeypatch.setattr(windows, "solve_clip", solve)
@@ -182,7 +182,7 @@ def test_a_window_that_fails_is_the_last(monkeypatch: pytest.MonkeyPatch) -> Non
     def solve(part: Task, *_: object) -> tuple[RobotMotion, SolveReport]:
         calls.append(part)
         status = "not converged" if len(calls) == 2 else "acceptable"
-        return part.centre, SolveReport(status, "word", "fake", 1, 0.0, 0.0, 1, 0.0, (), status)
+        return part.centre, SolveReport(status, "word", "fake", 1, 0.0, 0.0, 0.0, 1, 0.0, (), status)
 
     monkeypatch.setattr(windows, "solve_clip", solve)
     motion = noisy(150)

@@ -19,7 +19,8 @@ Source: S. Mehrotra, On the implementation of a primal-dual interior point metho
 from __future__ import annotations
 
 import time
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -33,6 +34,8 @@ _HELD = 1e20
 
 # Share of a step from which on it counts for standing still.
 _WHOLE = 0.3
+
+_T = TypeVar("_T")
 
 
 def solve(program: Program, attempt: Attempt, start: np.ndarray) -> Solution:
@@ -75,6 +78,7 @@ def _solve(program: Program, name: str, settings: Settings, start: np.ndarray) -
         iterations=iterations,
         seconds=time.perf_counter() - started,
         evaluation_seconds=state.evaluating,
+        linear_seconds=state.factoring,
         objective=state.value,
         trace={key: tuple(values) for key, values in state.trace.items()},
     )
@@ -85,7 +89,7 @@ class _State:
 
     def __init__(self, program: Program, settings: Settings, start: np.ndarray) -> None:
         self._program, self._settings = program, settings
-        self.evaluating = 0.0
+        self.evaluating = self.factoring = 0.0
         self.trace: dict[str, list[float]] = {"obj": [], "inf_pr": [], "inf_du": [], "mu": []}
         self._held = np.flatnonzero(program.lower >= program.upper)
         lower, upper = program.lower.copy(), program.upper.copy()
@@ -106,6 +110,13 @@ class _State:
         started = time.perf_counter()
         self.value, self._gradient, self._rows = self._program.at(x)
         self.evaluating += time.perf_counter() - started
+
+    def _linear(self, action: Callable[..., _T], *given: np.ndarray) -> _T:
+        """A part of solving linear systems, whose time is counted."""
+        started = time.perf_counter()
+        result = action(*given)
+        self.factoring += time.perf_counter() - started
+        return result
 
     def measure(self) -> None:
         """Violations, multipliers' residual and complementarity of the iterate."""
@@ -144,9 +155,9 @@ class _State:
         diagonal = weight[:n].copy()
         diagonal[self._held] += _HELD
         lower, upper = -self._zl, -self._zu
-        if not self._program.condense(diagonal, weight[n:], self._right(weight, lower, upper)):
+        if not self._linear(self._program.condense, diagonal, weight[n:], self._right(weight, lower, upper)):
             return False
-        dw, dzl, dzu = self._step(lower, upper, self._program.factor.finish())
+        dw, dzl, dzu = self._step(lower, upper, self._linear(self._program.factor.finish))
         primal = min(1.0, bounds.longest(self._below, self._above, dw))
         dual = min(_longest(self._zl, dzl), _longest(self._zu, dzu))
         change_below, change_above = bounds.of(dw)
@@ -156,7 +167,8 @@ class _State:
         centring = min(1.0, (ahead / count / self._mu) ** 3) if count and self._mu > 0.0 else 0.0
         lower += (centring * self._mu - change_below * dzl) / self._below
         upper += (centring * self._mu + change_above * dzu) / self._above
-        dw, dzl, dzu = self._step(lower, upper, self._program.factor.solve(self._right(weight, lower, upper)))
+        dx = self._linear(self._program.factor.solve, self._right(weight, lower, upper))
+        dw, dzl, dzu = self._step(lower, upper, dx)
         keep = min(max(0.99, 1.0 - self._mu), 1.0 - 1e-9)
         primal = min(1.0, keep * bounds.longest(self._below, self._above, dw))
         dual = min(1.0, keep * min(_longest(self._zl, dzl, np.inf), _longest(self._zu, dzu, np.inf)))

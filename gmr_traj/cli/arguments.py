@@ -77,35 +77,3 @@ class Inspect(Common):
         from gmr_traj.cli.inspect import inspect
 
         return inspect(list(self.paths), self.robot, self.json, self.top, self.fps, self.quaternion, self.input_format)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Bench(Common):
-    """Measure frames per second, peak memory and how both scale with the clip's length.
-
-    Each length is refined in a process of its own; nothing is written.
-    """
-
-    clip: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="CLIP")]
-    """Clip to cut the lengths from; it is played forth and back where it is too short."""
-
-    seconds: tuple[float, ...] = (5.0, 10.0, 20.0, 40.0)
-    """Lengths to measure [s]."""
-
-    problem: Annotated[str, named("NAME|PATH")] = "refine"
-    """Problem: one that ships with gmr-traj, or the path of a problem file."""
-
-    window: Annotated[float | None, named("SECONDS", "the whole clip at once")] = None
-    """Solve in windows of this length."""
-
-    overlap: Annotated[float | None, named("SECONDS", "a quarter of the window")] = None
-    """How far neighbouring windows overlap."""
-
-    json: bool = False
-    """Print the figures as JSON on standard output instead of a table."""
-
-    def run(self) -> int:
-        """Run the measurements."""
-        from gmr_traj.cli.bench import run
-
-        return run(self)

@@ -17,6 +17,7 @@ from gmr_traj._version import __version__
 from gmr_traj.cli import (
     arguments,
     batch_arguments,
+    bench_arguments,
     compare_arguments,
     make_map_arguments,
     refine_arguments,
@@ -44,7 +45,7 @@ Command = (
     | Annotated[view_arguments.View, tyro.conf.subcommand("view")]
     | Annotated[render_arguments.Render, tyro.conf.subcommand("render")]
     | Annotated[report_arguments.Report, tyro.conf.subcommand("report")]
-    | Annotated[arguments.Bench, tyro.conf.subcommand("bench")]
+    | Annotated[bench_arguments.Bench, tyro.conf.subcommand("bench")]
     | Annotated[retarget_arguments.Retarget, tyro.conf.subcommand("retarget")]
     | Annotated[make_map_arguments.MakeMap, tyro.conf.subcommand("make-map")]
     | Annotated[compare_arguments.Compare, tyro.conf.subcommand("compare")]
@@ -75,6 +76,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     # One thread each: idle BLAS threads spin beside Ipopt, and a sum's order must not depend on the machine's load.
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(variable, "1")
+    # MuJoCo looks for a window system when it is imported, a tenth of a second; pictures are drawn without one.
+    if sys.platform == "linux":
+        os.environ.setdefault("MUJOCO_GL", "disable")
     keep_freed()
     try:
         return int(command.run())

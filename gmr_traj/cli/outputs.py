@@ -56,25 +56,26 @@ def plan(clip: Path, output: Path | None, file_format: str | None, contacts: Pat
     return outputs
 
 
-def check(path: Path, clip: Path, force: bool) -> None:
+def check(path: Path, clip: Path, force: bool, option: str = "--output") -> None:
     """Refuse an output that would destroy something or cannot be written.
 
     Args:
         path: the output.
         clip: the input.
         force: an existing file may be replaced (never the input).
+        option: that names the output.
 
     Raises:
         GmrTrajError: it is the input, a folder, exists without ``force``, or lies in no folder.
     """
     if path.exists() and clip.exists() and path.samefile(clip):
-        raise GmrTrajError(f"{path}: this is the input, which is never overwritten; name another file with --output")
+        raise GmrTrajError(f"{path}: this is the input, which is never overwritten; name another file with {option}")
     if path.is_dir():
         raise GmrTrajError(f"{path}: this is a folder; name a file in it")
     if not path.parent.is_dir():
         raise GmrTrajError(f"{path}: there is no folder {path.parent}; create it first")
     if path.exists() and not force:
-        raise GmrTrajError(f"{path}: this file exists; name another with --output, or overwrite it with --force")
+        raise GmrTrajError(f"{path}: this file exists; name another with {option}, or overwrite it with --force")
 
 
 @contextmanager

@@ -31,7 +31,8 @@ from gmr_traj.refine import Refinement, refine
 from gmr_traj.robot import Robot
 
 if TYPE_CHECKING:
-    from gmr_traj.cli.refine_arguments import Refine
+    from gmr_traj.cli.refine_arguments import Refine, RefineOptions
+    from gmr_traj.kinematics.casadi_kinematics import CasadiKinematics
     from gmr_traj.whole_clip import Progress
 
 
@@ -102,10 +103,11 @@ def run(arguments: Refine) -> int:
 def solve(
     begun: Start,
     schedule: ContactSchedule | None,
-    arguments: Refine,
+    arguments: RefineOptions,
     problem: Problem,
     callback: Progress | None = None,
     held: np.ndarray | None = None,
+    kinematics: CasadiKinematics | None = None,
 ) -> Refinement:
     """Refine a clip that was read, with its schedule, or one that is detected; ``held`` are frames that stay.
 
@@ -123,6 +125,7 @@ def solve(
         held=held,
         window=arguments.window,
         overlap=arguments.overlap,
+        kinematics=kinematics,
         progress=callback,
     )
 

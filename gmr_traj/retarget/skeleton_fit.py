@@ -8,7 +8,6 @@ done to the skeleton itself: every bone is given a length, and keeps the directi
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from gmr_traj.human_motion import HumanMotion
 from gmr_traj.kinematics.mujoco_kinematics import placements
@@ -52,6 +51,8 @@ def fit_bones(human: HumanMotion, landmarks: Landmarks, robot: Robot, penalty: f
         placed = _chain(human, ratios, bones, np.zeros((len(frames), 3)))
         distance = np.linalg.norm(placed[:, first] - placed[:, second], axis=2)
         return np.concatenate([((distance - wanted) / np.sqrt(len(frames))).ravel(), penalty * x[1:]])
+
+    from scipy.optimize import least_squares  # as much to load as the rest of retargeting, and for this alone
 
     x = least_squares(residuals, np.zeros(1 + len(used))).x
     ratios = np.full(len(human.names), float(np.exp(x[0])))  # bones that lead to no landmark: the common scale

@@ -104,11 +104,12 @@ def _chain(kinematics: CasadiKinematics, first: str, second: str, sphere_one: bo
         placed = [position + rotation @ point for point in points]
         ends += [placed[0], None if sphere else placed[1], symbols[-1]]
     value, row = clearance_jacobian(step[joints], *ends)
-    inputs, options = [step[joints], ca.vertcat(*symbols)], {"cse": True}
+    # Not with CasADi's search for common subexpressions: it finds a twentieth, in a multiple of the time of the rest.
+    inputs = [step[joints], ca.vertcat(*symbols)]
     return _Chain(
         joints=joints,
-        value=ca.Function("clearance", inputs, [value], ["z", "p"], ["r"], options),
-        jacobian=ca.Function("clearance_row", inputs, [ca.densify(row)], ["z", "p"], ["J"], options),
+        value=ca.Function("clearance", inputs, [value], ["z", "p"], ["r"]),
+        jacobian=ca.Function("clearance_row", inputs, [ca.densify(row)], ["z", "p"], ["J"]),
     )
 
 

@@ -1,0 +1,1 @@
+"""What gmr-traj takes: measurements in fresh processes, beside a frame-by-frame retargeter written with mink."""
