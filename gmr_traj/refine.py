@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gmr_traj.collision.untangle import untangle
+from gmr_traj.contacts.carrying import carrying
 from gmr_traj.contacts.detect import detect
 from gmr_traj.contacts.schedule import ContactSchedule
 from gmr_traj.exceptions import ClipError, ProblemError, RobotError, ScheduleError
@@ -92,6 +93,8 @@ def refine(
         )
     if schedule is None:
         schedule = detect(motion, robot, source=source_stances)
+        if any(item.term.dynamic for item in problem.terms):
+            schedule = carrying(schedule, motion, robot)
     elif schedule.frames != motion.frames:
         raise ScheduleError(f"the contact schedule has {schedule.frames} frames, the clip {motion.frames}")
     elif abs(schedule.fps - motion.fps) > 1e-3 * motion.fps:

@@ -33,7 +33,7 @@ def outcome(monkeypatch):
     """Stands in for the solve: hands the clip back standing on the floor, with the status and the fault wanted."""
     wanted = SimpleNamespace(status="converged", fault=0.0, held=None, calls=[])
 
-    def refine(motion, robot, problem, *, schedule, references, source_stances, held, window, overlap, progress):
+    def refine(motion, robot, problem, *, schedule, references, source_stances, held, window, overlap, **_):
         given = {"schedule": schedule, "references": references, "source_stances": source_stances, "held": held}
         wanted.calls.append(SimpleNamespace(window=window, overlap=overlap, motion=motion, **given))
         schedule = schedule or detect(motion, robot, source=source_stances)
@@ -97,6 +97,27 @@ def test_the_certificate_is_of_the_written_file(clip, outcome, g1):
     height = report["contacts"]["height"]
     assert report["certificate"]["levelling_mm"] == pytest.approx(1e3 * height)
     np.testing.assert_allclose(back.motion.qpos, raw.shifted(height).qpos, atol=1e-6)
+
+
+def test_physics_before_and_after_are_in_the_report_and_printed(clip, outcome, capsys):
+    main(["refine", "punch.npz"])
+    physics = json.loads((clip.parent / "punch_refined.npz.report.json").read_text())["physics"]
+    # The clip is only raised, which is how the input is audited too.
+    assert physics["before"]["infeasible_share"] == pytest.approx(physics["after"]["infeasible_share"], abs=0.02)
+    assert physics["warnings"] == []
+    shown = capsys.readouterr().out
+    assert "frames over a joint's effort limit" in shown and "warning" not in shown
+
+
+def test_a_worse_audit_is_a_warning(clip, outcome, capsys, monkeypatch):
+    real = cli_refine.physics_change
+    monkeypatch.setattr(
+        cli_refine,
+        "physics_change",
+        lambda raw, refined, robot, levelling: real(raw, refined.shifted(0.2), robot, levelling),
+    )
+    main(["refine", "punch.npz"])
+    assert "warning: " in capsys.readouterr().out
 
 
 def test_a_clip_that_holds_its_name_is_the_same_each_time(clip, outcome):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from metrics_toy import FPS, both_feet, clip, standing
@@ -13,7 +15,7 @@ from gmr_traj.evaluation import evaluate
 from gmr_traj.residuals import FrameResidual
 from gmr_traj.terms.context import stepped
 from gmr_traj.terms.smoothness import Acceleration
-from gmr_traj.terms.stance import StanceAnchor
+from gmr_traj.terms.stance import StanceAnchor, pivots
 from gmr_traj.terms.tracking import Tracking
 from gmr_traj.whole_clip import Task, solve_clip
 
@@ -121,3 +123,29 @@ def test_each_stance_has_its_own_spot() -> None:
     result, _ = solve_clip(task, kinematics_of(robot), problem)
     np.testing.assert_allclose(result.qpos[:25, 0], 0.0, atol=1e-3)
     np.testing.assert_allclose(result.qpos[36:, 0], 0.3, atol=1e-3)
+
+
+def test_a_foot_on_its_toes_turns_about_its_tip() -> None:
+    robot, schedule = toy(), rolling_foot()
+    term = StanceAnchor(horizontal=0.001, vertical=0.002, rise=0.006)
+    (residual,), variables = residuals_of(term, context_of(robot, clip(standing(10)), schedule=schedule))
+    assert isinstance(residual, FrameResidual)
+    assert list(pivots(robot.soles[0])) == ["toe"]  # nothing of the outline is behind the heel
+    assert list(residual.rows)[-3:] == ["toe tip x", "toe tip y", "toe tip z"]
+    # Two runs of the toe have frames of it alone; both give the tip an anchor.
+    assert variables.size == 9 * 10 + 2 * len(schedule.stances) + 2 * 2
+    alone = np.isin(residual.frames, [6, 7])
+    heights = [3 * k + 2 for k in TOE]
+    assert (residual.upper[heights][:, alone] == 0.006).all() and not residual.upper[heights][
+        :, residual.frames < 6
+    ].any()
+    np.testing.assert_array_equal(residual.weights[-1] > 0, np.ones(7, bool))
+    x = variables.initial()
+    assert not values(residual, x)[-1].any()
+    assert jacobian_error(residual, x) < 1e-6
+
+
+def test_without_an_outline_there_is_no_tip() -> None:
+    sole = toy().soles[0]
+    assert pivots(replace(sole, outline=np.zeros((0, 3)))) == {}
+    assert pivots(replace(sole, parts=("heel",) * 4)) == {}

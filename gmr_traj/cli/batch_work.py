@@ -91,6 +91,7 @@ class Steps(ClipWork):
             outputs["clip"] = self.name + (SUFFIXES[self.refine.format] if self.refine.format else self._suffix(human))
             written = write(folder / outputs["clip"], begun, refinement, self.refine.format)
             content["certificate"], content["audit"] = written.certificate.to_json(), written.audit
+            content["physics"] = written.physics.to_json()
             content.pop("figures", None)  # the certificate has them as those before
             clip = written.clip
         if "verify" in self.steps:

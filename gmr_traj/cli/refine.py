@@ -29,6 +29,7 @@ from gmr_traj.motion import RobotMotion
 from gmr_traj.problem import Problem, load_problem
 from gmr_traj.refine import Refinement, refine
 from gmr_traj.robot import Robot
+from gmr_traj.verify.physics_change import PhysicsChange, physics_change
 
 if TYPE_CHECKING:
     from gmr_traj.cli.refine_arguments import Refine, RefineOptions
@@ -43,11 +44,13 @@ class Written:
     Attributes:
         clip: as it was read back, its targets on the floor.
         certificate: of the file.
+        physics: the dynamics of the input and of the file.
         audit: overlaps of the model's own collision shapes, the deepest first.
     """
 
     clip: Clip
     certificate: Certificate
+    physics: PhysicsChange
     audit: list[dict[str, Any]]
 
 
@@ -82,6 +85,7 @@ def run(arguments: Refine) -> int:
         code = _exit_code(converged, certificate)
         report = _report(arguments, method, target, clip, refinement, certificate, code)
         report["lead"] = to_json(extended)
+        report["physics"] = written.physics.to_json()
         report["audit"] = written.audit
         text = json.dumps(report, indent=2) + "\n"
         if recording is not None:
@@ -94,7 +98,7 @@ def run(arguments: Refine) -> int:
     if arguments.json:
         print(text, end="")
     elif not arguments.quiet:
-        _show(clip, target, refinement, certificate, code)
+        _show(clip, target, refinement, written, code)
     if recording is not None:
         recordings.announce(recording, arguments)
     return code
@@ -159,7 +163,8 @@ def read_back(path: Path, begun: Start, schedule: ContactSchedule, file_format: 
     clip, robot = begun.clip, begun.robot
     motion = read_clip(path, robot, format=file_format or clip.format, fps=clip.motion.fps).motion
     certificate = certify(clip.motion, motion, robot, schedule, levelling=schedule.height, references=clip.references)
-    return Written(grounded(begun, motion, schedule), certificate, _audit(motion, robot))
+    physics = physics_change(clip.motion, motion, robot, schedule.height)
+    return Written(grounded(begun, motion, schedule), certificate, physics, _audit(motion, robot))
 
 
 def given_schedule(path: Path | None, clip: Clip, robot: Robot) -> ContactSchedule | None:
@@ -226,7 +231,7 @@ def _report(
     }
 
 
-def _show(clip: Clip, target: Path, refinement: Refinement, certificate: Certificate, code: ExitCode) -> None:
+def _show(clip: Clip, target: Path, refinement: Refinement, written: Written, code: ExitCode) -> None:
     """Print what was decided, what was solved, what it measures, and where it went."""
     screen, report = console(), refinement.report
     for note in clip.notes:
@@ -237,7 +242,10 @@ def _show(clip: Clip, target: Path, refinement: Refinement, certificate: Certifi
     )
     if report.message:
         screen.print(report.message, markup=False)
-    screen.print(tables.certificate(certificate))
+    screen.print(tables.certificate(written.certificate))
+    screen.print(tables.physics(written.physics))
+    for warning in written.physics.warnings:
+        screen.print(f"warning: {warning}", markup=False)
     if code is not ExitCode.OK:
         screen.print(code.meaning, markup=False)
     screen.print(f"written: {target}", markup=False, soft_wrap=True)

@@ -10,6 +10,7 @@ from rich.table import Table
 
 from gmr_traj.metrics import Artefact, Certificate, Change, Figures
 from gmr_traj.text import number
+from gmr_traj.verify.physics_change import PhysicsChange
 
 _HELD = {True: "[green]held[/green]", False: "[bold red]BROKEN[/bold red]"}
 
@@ -27,6 +28,15 @@ def certificate(measured: Certificate) -> Table:
             _HELD[promise.held],
             escape(promise.where),
         )
+    return table
+
+
+def physics(measured: PhysicsChange) -> Table:
+    """The audit's figures of the input and of the refined clip."""
+    table = plain_table("physics", ">input", ">refined", "unit", "")
+    for figure in measured.figures:
+        mark = "[bold yellow]worse[/bold yellow]" if figure.worse else ""
+        table.add_row(escape(figure.name), number(figure.before), number(figure.after), escape(figure.unit), mark)
     return table
 
 

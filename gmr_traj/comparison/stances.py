@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gmr_traj.contacts.detect import DetectionSettings, detect, rest_runs
+from gmr_traj.contacts.detect import detect
+from gmr_traj.contacts.rest import DetectionSettings, rest_runs
 from gmr_traj.contacts.schedule import ContactSchedule, Stance
 from gmr_traj.metrics.intervals import intervals
 from gmr_traj.motion import RobotMotion

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gmr_traj.contacts.detect import DetectionSettings, hysteresis
+from gmr_traj.contacts.rest import DetectionSettings, hysteresis
 
 #: Wider than for a robot's sole points: an ankle rises and turns while the foot under it stays.
 HUMAN = DetectionSettings(

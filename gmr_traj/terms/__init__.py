@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from gmr_traj.terms.contact_wrench import ContactWrench
 from gmr_traj.terms.ground import Ground
 from gmr_traj.terms.limits import JointAcceleration, JointPosition, JointVelocity
 from gmr_traj.terms.posture import Posture
@@ -19,6 +20,7 @@ TERMS: dict[str, type[Term]] = {
     "acceleration": Acceleration,
     "jerk": Jerk,
     "stance_anchor": StanceAnchor,
+    "contact_wrench": ContactWrench,
     "ground": Ground,
     "self_collision": SelfCollision,
     "joint_position": JointPosition,

@@ -11,6 +11,7 @@ because the anchors are free, and not a hard constraint, whose rows would be dep
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import ClassVar
@@ -20,6 +21,7 @@ import numpy as np
 
 from gmr_traj.kinematics.casadi_kinematics import CasadiKinematics
 from gmr_traj.residuals import FrameResidual, Residual
+from gmr_traj.robot import Sole
 from gmr_traj.terms.context import Context
 from gmr_traj.terms.term import Term
 from gmr_traj.variables import Variables
@@ -27,10 +29,16 @@ from gmr_traj.variables import Variables
 
 @dataclass(frozen=True)
 class StanceAnchor(Term):
-    """Fields: ``horizontal`` and ``vertical``, scales of a point's distance from its anchor and from the floor [m]."""
+    """Fields: ``horizontal`` and ``vertical``, scales of a point's distance from its anchor and from the floor [m].
+
+    ``rise``: how high contact points may come where the foot stands on its toes (or heels) alone [m].  With it such a
+    foot turns about the tip of its outline, which gets an anchor of its own; without, it stays as flat as the floor
+    keeps that tip from going below.
+    """
 
     horizontal: float
     vertical: float
+    rise: float = 0.0
 
     uses: ClassVar[tuple[str, ...]] = ("cost",)
 
@@ -41,47 +49,97 @@ class StanceAnchor(Term):
         for sole in context.robot.soles:
             stances = [s for s in context.schedule.stances if s.sole == sole.name]
             slot = context.robot.body_names.index(sole.body)
-            points = positions[:, slot, None] + np.einsum("tij,kj->tki", rotations[:, slot], sole.points)
-            anchor = np.full((context.frames, len(sole.points), 2), -1)
+            tips = pivots(sole) if self.rise > 0.0 else {}
+            own = np.vstack([sole.points, *tips.values()])
+            count, total = len(sole.points), len(own)
+            points = positions[:, slot, None] + np.einsum("tij,kj->tki", rotations[:, slot], own)
+            anchor = np.full((context.frames, total, 2), -1)
+            resting = np.zeros((context.frames, total), bool)
             for stance in stances:
                 during = slice(stance.start, stance.stop)
                 start = points[during, stance.point, :2].mean(axis=0)  # the best anchor for feet that stay put
                 anchor[during, stance.point] = variables.add(start)
-            resting = anchor[:, :, 0] >= 0  # (T, K)
+                resting[during, stance.point] = True
+            scale = np.tile([self.horizontal, self.horizontal, self.vertical], total)
+            weights = np.repeat(resting, 3, axis=1) * (context.dt / scale**2)  # (T, 3 K)
+            upper = np.zeros(weights.shape)
+            for number, part in enumerate(tips):
+                turned = _turned(resting[:, :count], sole.parts, part)
+                for first, stop in turned:
+                    during = slice(first, stop)
+                    anchor[during, count + number] = variables.add(points[during, count + number, :2].mean(axis=0))
+                    resting[during, count + number] = True
+                    weights[during, 3 * (count + number) : 3 * (count + number) + 3] = context.dt / scale[:3] ** 2
+                    alone = np.arange(first, stop)[_alone(resting[during, :count], sole.parts, part)]
+                    for k in (k for k, name in enumerate(sole.parts) if name == part):
+                        upper[alone, 3 * k + 2] = self.rise
             frames = np.flatnonzero(resting.any(axis=1))
             if not frames.size:
                 continue
             # A point in swing has weight zero; naming an anchor of its sole there keeps the Hessian as sparse as it is.
             some = anchor[frames, resting[frames].argmax(axis=1)]
             anchors = np.where(resting[frames][:, :, None], anchor[frames], some[:, None])
-            scale = np.tile([self.horizontal, self.horizontal, self.vertical], len(sole.points))
-            on = np.repeat(resting[frames], 3, axis=1).T
-            value, jacobian = _functions(context.kinematics, sole.name)
-            zero = np.zeros((3 * len(sole.points), len(frames)))
+            value, jacobian = _functions(context.kinematics, sole.name, bool(tips))
+            names = [*(f"{part} {k}" for k, part in enumerate(sole.parts)), *(f"{part} tip" for part in tips)]
             out.append(
                 FrameResidual(
                     name=f"stance/{sole.name}",
                     unit="m",
-                    rows=[f"{part} {k} {axis}" for k, part in enumerate(sole.parts) for axis in "xyz"],
+                    rows=[f"{name} {axis}" for name in names for axis in "xyz"],
                     frames=frames,
                     columns=np.hstack([variables.steps[frames], anchors.reshape(len(frames), -1)]),
                     parameters=context.centre.qpos[frames].T,
                     value=value,
                     jacobian=jacobian,
-                    lower=zero,
-                    upper=zero,
-                    weights=on * (context.dt / scale**2)[:, None],
+                    lower=np.zeros((3 * total, len(frames))),
+                    upper=upper[frames].T,
+                    weights=weights[frames].T,
                 )
             )
         return out
 
 
+def pivots(sole: Sole) -> dict[str, np.ndarray]:
+    """Part of a sole -> the point of its outline that the foot turns about when that part alone is on the floor [m].
+
+    The contact points lie inside the outline: a foot that rises on its toes rests on the outline's tip, and the toe's
+    contact points rise with the foot.  Without an outline beyond them there is no other point to turn about.
+    """
+    parts = list(dict.fromkeys(sole.parts))
+    if len(parts) < 2 or not len(sole.outline):
+        return {}
+    out = {}
+    for part in parts:
+        its = np.array([name == part for name in sole.parts])
+        outward = sole.points[its].mean(axis=0) - sole.points[~its].mean(axis=0)
+        tip = sole.outline[int((sole.outline @ outward).argmax())]
+        if tip @ outward > (sole.points @ outward).max():
+            out[part] = tip
+    return out
+
+
+def _alone(resting: np.ndarray, parts: Sequence[str], part: str) -> np.ndarray:
+    """Frames in which points of this part rest, and no others.  # (T,)"""
+    its = np.array([name == part for name in parts])
+    return np.asarray(resting[:, its].any(axis=1) & ~resting[:, ~its].any(axis=1))
+
+
+def _turned(resting: np.ndarray, parts: Sequence[str], part: str) -> list[tuple[int, int]]:
+    """Runs of frames in which a part rests, those in which it rests alone at times."""
+    its = np.array([name == part for name in parts])
+    on = np.concatenate([[0], resting[:, its].any(axis=1).astype(int), [0]])
+    alone = _alone(resting, parts, part)
+    ends = np.flatnonzero(np.diff(on)).reshape(-1, 2)
+    return [(int(first), int(stop)) for first, stop in ends if alone[first:stop].any()]
+
+
 @lru_cache(maxsize=8)
-def _functions(kinematics: CasadiKinematics, name: str) -> tuple[ca.Function, ca.Function]:
+def _functions(kinematics: CasadiKinematics, name: str, tips: bool) -> tuple[ca.Function, ca.Function]:
     """(step and anchors, configuration) -> point errors; and their Jacobian."""
     robot = kinematics.robot
     sole = next(s for s in robot.soles if s.name == name)
-    count = len(sole.points)
+    own = np.vstack([sole.points, *pivots(sole).values()]) if tips else sole.points
+    count = len(own)
     z = ca.SX.sym("z", kinematics.tangent_size + 2 * count)
     reference = ca.SX.sym("q", 7 + robot.dof)
     placements = kinematics.placements(z[: kinematics.tangent_size], reference)
@@ -90,7 +148,7 @@ def _functions(kinematics: CasadiKinematics, name: str) -> tuple[ca.Function, ca
     errors = ca.vertcat(
         *[
             placements.positions[slot] + placements.rotations[slot] @ ca.DM(point) - ca.vertcat(anchors[:, k], 0)
-            for k, point in enumerate(sole.points)
+            for k, point in enumerate(own)
         ]
     )
     options = {"cse": True}

@@ -20,6 +20,8 @@ class Term(ABC):
     """
 
     uses: ClassVar[tuple[str, ...]] = ("cost", "hard", "soft")
+    #: Whether it is about forces: then every frame in which the robot does not fall freely needs a stance.
+    dynamic: ClassVar[bool] = False
 
     def complaint(self) -> str:
         """What is wrong with the fields taken together, in words; empty if nothing is."""
