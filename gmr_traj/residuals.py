@@ -30,12 +30,16 @@ class GaussNewton:
         z, p: symbols.
         cost: of them.  # (1, 1)
         gradient: its gradient.  # (nz, 1)
-        hessian: upper triangle of the model, sparse.  # (nz, nz)
+        hessian: upper triangle of the model, sparse  # (nz, nz); or its factors S, sparse  # (k, nz), and W,
+            symmetric  # (k, k): the model is ``S' W S``, which is cheaper to multiply out in numbers.
     """
 
-    def __init__(self, z: ca.SX, p: ca.SX, cost: ca.SX, gradient: ca.SX, hessian: ca.SX) -> None:
+    def __init__(self, z: ca.SX, p: ca.SX, cost: ca.SX, gradient: ca.SX, hessian: ca.SX | tuple[ca.SX, ca.SX]) -> None:
         self._inputs = [z, p]
-        self._outputs = [cost, gradient, hessian]
+        self._outputs = [cost, gradient]
+        self._hessian = hessian
+        #: Whether ``joint`` gives S and W instead of the Hessian.
+        self.factored = isinstance(hessian, tuple)
 
     def _function(self, name: str, outputs: list[ca.SX], shared: bool = True) -> ca.Function:
         return ca.Function(name, self._inputs, outputs, {"cse": shared})
@@ -54,12 +58,16 @@ class GaussNewton:
     @cached_property
     def hessian(self) -> ca.Function:
         """(z, p) -> Hessian."""
-        return self._function("hessian", self._outputs[2:])
+        if isinstance(self._hessian, tuple):
+            s, w = self._hessian
+            return self._function("hessian", [ca.sparsify(ca.triu(s.T @ (w @ s)))])
+        return self._function("hessian", [self._hessian])
 
     @cached_property
     def joint(self) -> ca.Function:
-        """(z, p) -> all three; what they share is computed once."""
-        return self._function("joint", self._outputs)
+        """(z, p) -> cost, gradient, and Hessian or its factors; what they share is computed once."""
+        last = list(self._hessian) if isinstance(self._hessian, tuple) else [self._hessian]
+        return self._function("joint", [*self._outputs, *last])
 
 
 @dataclass(frozen=True)

@@ -9,22 +9,40 @@ from gmr_traj.constraints import Block
 from gmr_traj.frame_costs import gauss_newton
 from gmr_traj.residuals import FrameResidual
 
+# Frames whose Hessians are multiplied out at a time, so that the whole matrices need no memory.
+_CHUNK = 512
+
 
 class Cost:
     """A nonlinear cost, with derivatives at the point of the last evaluation.
 
     Attributes:
         gradient_at: unknowns that entries of the gradient belong to.
-        hessian_at: pairs of unknowns that entries of the Hessian belong to.
     """
 
     def __init__(self, residual: FrameResidual) -> None:
         functions, parameters = gauss_newton(residual)
         joint, columns = functions.joint, residual.columns.T
         self._frames = Frames(joint, residual.columns, parameters)
-        i, j = (np.array(k, np.int64) for k in joint.sparsity_out(2).get_triplet())
-        self.hessian_at = columns[i].ravel(), columns[j].ravel()
         self.gradient_at = columns[np.array(joint.sparsity_out(1).row(), np.int64)].ravel()
+        # Half the memory of long integers, for millions of pairs.
+        self._columns = residual.columns.astype(np.int32)
+        self._pairs = tuple(np.array(k, np.int64) for k in joint.sparsity_out(2).get_triplet())
+        self._factored = functions.factored
+        if self._factored:
+            named, j = np.unique(self._pairs[1], return_inverse=True)
+            self._factor, self._lower = (self._pairs[0], j), np.tril_indices(len(named))
+            self._weight = tuple(np.array(k, np.int64) for k in joint.sparsity_out(3).get_triplet())
+            self._products = np.zeros((len(residual.frames), len(self._lower[0])))
+            self._pairs = tuple(named[k] for k in self._lower)
+
+    @property
+    def hessian_at(self) -> tuple[np.ndarray, np.ndarray]:
+        """Pairs of unknowns that entries of the Hessian belong to; made when they are asked for, once."""
+        i, j = self._pairs
+        if self._factored:  # frame after frame
+            return self._columns[:, i].ravel(), self._columns[:, j].ravel()
+        return self._columns.T[i].ravel(), self._columns.T[j].ravel()
 
     def at(self, x: np.ndarray) -> float:
         """Evaluate all; returns the cost."""
@@ -39,7 +57,18 @@ class Cost:
     @property
     def hessian(self) -> np.ndarray:
         """Entries of the Hessian's model."""
-        return self._frames.outputs[2].ravel()
+        if not self._factored:
+            return self._frames.outputs[2].ravel()
+        factor, weight = self._frames.outputs[2:]
+        (i, j), (a, b) = self._factor, self._weight
+        rows = int(a.max()) + 1
+        for first in range(0, factor.shape[1], _CHUNK):
+            here = slice(first, min(first + _CHUNK, factor.shape[1]))
+            s = np.zeros((here.stop - first, rows, int(j.max()) + 1))
+            w = np.zeros((here.stop - first, rows, rows))
+            s[:, i, j], w[:, a, b] = factor[:, here].T, weight[:, here].T
+            self._products[here] = np.matmul(s.transpose(0, 2, 1), w @ s)[:, *self._lower]
+        return self._products.ravel()
 
 
 class Rows:

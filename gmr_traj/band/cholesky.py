@@ -26,6 +26,9 @@ from gmr_traj.band.ordering import Ordering
 # Steps that a staircase is worked on in; with more of them BLAS gets pieces that are too small.
 _STEPS = 3
 
+# Entries whose places are looked up at a time.
+_CHUNK = 1 << 20
+
 
 @dataclass(frozen=True)
 class _Front:
@@ -81,6 +84,7 @@ class BlockCholesky:
         starts = np.concatenate([[0], np.cumsum(heights)])
         self.store = np.zeros(self._offsets[-1])
         self._heights = heights
+        self._starts = np.concatenate([[0], np.cumsum(widths)])
         self._work = np.zeros(starts[-1])
         largest = int((heights - widths).max())
         spaces = np.zeros((2, largest * largest))
@@ -133,13 +137,26 @@ class BlockCholesky:
 
     def places(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
         """Where in the store entries of the matrix are, given on either side of the diagonal."""
+        out = np.empty(len(rows), np.int64)
+        for first in range(0, len(rows), _CHUNK):  # or the steps in between would need gigabytes
+            here = slice(first, first + _CHUNK)
+            out[here] = self._places(rows[here], columns[here])
+        return out
+
+    def _places(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
         # Of two unknowns the one that is eliminated first has the column.
-        first = self._rank[rows] * self.size + self._column[rows]
-        second = self._rank[columns] * self.size + self._column[columns]
-        pivot, other = np.where(first <= second, rows, columns), np.where(first <= second, columns, rows)
-        rank = self._rank[pivot]
-        found = np.searchsorted(self._keys, rank * self.size + other)
-        return np.asarray(self._offsets[rank] + self._column[pivot] * self._heights[rank] + self._rows[found])
+        ranks, others = self._rank[rows], self._rank[columns]
+        swap = (ranks > others) | ((ranks == others) & (self._column[rows] > self._column[columns]))
+        pivot, other = np.where(swap, columns, rows), np.where(swap, rows, columns)
+        rank, beyond = np.minimum(ranks, others), np.abs(ranks - others)
+        # The other is a pivot of the same block, of the next, which the rest ends with, or carried on from there.
+        row = self._column[other]
+        following = beyond == 1
+        row[following] += (self._heights[:-1] - np.diff(self._starts)[1:])[rank[following]]
+        far = beyond > 1
+        found = np.searchsorted(self._keys, rank[far] * self.size + other[far])
+        row[far] = self._rows[found]
+        return np.asarray(self._offsets[rank] + self._column[pivot] * self._heights[rank] + row)
 
     def factor(self, right: np.ndarray) -> bool:
         """Factor what is in the store; whether it was positive definite.

@@ -47,9 +47,13 @@ def order(frames: np.ndarray, couplings: Couplings) -> Ordering:
     size, pairs = 1, [np.zeros(0, np.int64)]
     for one, other in couplings:
         both = known[one] & known[other]
+        if both.all():
+            size = max(size, int(np.abs(frames[one] - frames[other]).max(initial=0)))
+            continue
         size = max(size, int(np.abs(frames[one[both]] - frames[other[both]]).max(initial=0)))
         loose = ~both & (one != other)
-        pairs.append(np.maximum(one[loose], other[loose]) * n + np.minimum(one[loose], other[loose]))
+        ends = one[loose].astype(np.int64), other[loose].astype(np.int64)
+        pairs.append(np.maximum(*ends) * n + np.minimum(*ends))
     distinct = np.unique(np.concatenate(pairs))
     rows, columns = distinct // n, distinct % n
     place = np.where(known, frames // size, -1)
@@ -77,8 +81,8 @@ def order(frames: np.ndarray, couplings: Couplings) -> Ordering:
     inside = np.flatnonzero(~carried)
     inside = inside[np.argsort(place[inside], kind="stable")]
     count = int(place[inside].max(initial=0)) + 1
-    ends = np.searchsorted(place[inside], np.arange(1, count))
-    return Ordering(np.split(inside, ends), who, first[who], last[who], _across(place, carried, couplings))
+    borders = np.searchsorted(place[inside], np.arange(1, count))
+    return Ordering(np.split(inside, borders), who, first[who], last[who], _across(place, carried, couplings))
 
 
 def _across(place: np.ndarray, carried: np.ndarray, couplings: Couplings) -> np.ndarray:

@@ -79,7 +79,7 @@ class Program:
         frames = np.full(n, -1)
         frames[variables.steps] = np.arange(variables.frames)[:, None]
         self.factor = BlockCholesky(order(frames, shares), n)
-        self._adders = [_Adder(self.factor.places(i, j)) for i, j in shares]
+        self._adders = [_Adder(self.factor.places(i, j), self.factor.store.size) for i, j in shares]
 
     def at(self, x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         """Objective, gradient and constraint rows; derivatives are kept.
@@ -121,14 +121,26 @@ class Program:
         return self.factor.factor(right)
 
 
+# So many places are sooner marked than sorted.
+_MANY = 2_000_000
+
+
 class _Adder:
     """Adds values at places of which some may be named more than once."""
 
-    def __init__(self, places: np.ndarray) -> None:
+    def __init__(self, places: np.ndarray, size: int) -> None:
         self._places = places
-        self._once = not np.any(np.diff(np.sort(places)) == 0)
+        if len(places) < _MANY:
+            self._once = not np.any(np.diff(np.sort(places)) == 0)
+            if not self._once:
+                self._places, self._which = np.unique(places, return_inverse=True)
+            return
+        named = np.zeros(size, bool)
+        named[places] = True
+        self._once = np.count_nonzero(named) == len(places)
         if not self._once:
-            self._places, self._which = np.unique(places, return_inverse=True)
+            self._places = np.flatnonzero(named)
+            self._which = (np.cumsum(named, dtype=np.int32) - 1)[places].astype(np.int64)
 
     def add(self, store: np.ndarray, values: np.ndarray) -> None:
         store[self._places] += values if self._once else np.bincount(self._which, values, len(self._places))

@@ -111,14 +111,14 @@ def instructions(function: ca.Function) -> Instructions | None:
     return Instructions(tuple(steps), filled, work + len(constants))
 
 
-_SPACE: dict[int, np.ndarray] = {}
+_SPACE = [np.zeros(0)]
 
 
 def _registers(count: int, width: int) -> np.ndarray:
-    """Space to compute in; kept, because every use overwrites it.  # (count, width)"""
-    if len(_SPACE.get(width, ())) < count:
-        _SPACE[width] = np.zeros((count, width))
-    return _SPACE[width]
+    """Space to compute in, one for all functions: every use overwrites it.  # (count, width)"""
+    if _SPACE[0].size < count * width:
+        _SPACE[0] = np.zeros(count * width)
+    return _SPACE[0][: count * width].reshape(count, width)
 
 
 class VectorMachine:

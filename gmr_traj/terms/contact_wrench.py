@@ -197,16 +197,15 @@ def _functions(kinematics: CasadiKinematics, robust: float) -> GaussNewton:
     root = ca.sqrt(1 + error**2 * weights / (dt * robust**2))
     pull = weights / root
     of_wrench = A.T @ (ca.repmat(pull * outside, 1, 6) * A)
-    felt = _felt(kinematics)
-    part = J[:, felt.tolist()]
-    hessian = ca.SX(3 * size, 3 * size)
-    hessian[felt.tolist(), felt.tolist()] = part.T @ (of_wrench @ part)
+    felt = _felt(kinematics).tolist()
+    part = ca.SX(6, 3 * size)
+    part[:, felt] = J[:, felt]
     return GaussNewton(
         z,
         ca.vertcat(*given, flat, weights, lower, upper),
         dt * robust**2 * ca.sum1(root - 1),
         J.T @ (A.T @ (pull * error)),
-        ca.sparsify(ca.triu(hessian)),
+        (ca.sparsify(part), of_wrench),
     )
 
 
