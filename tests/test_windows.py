@@ -36,9 +36,7 @@ def noisy(frames: int = 150, jump: float = 0.0, noise: float = 1.0) -> RobotMoti
 
 def refined(motion: RobotMotion, window: float | None = None, overlap: float | None = None) -> Refinement:
     robot = toy()
-    return refine(
-        motion, robot, load_problem(), window=window, overlap=overlap, kinematics=kinematics_of(robot)
-    )
+    return refine(motion, robot, load_problem(), window=window, overlap=overlap, kinematics=kinematics_of(robot))
 
 
 def jerk(motion: RobotMotion) -> np.ndarray:
