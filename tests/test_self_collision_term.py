@@ -15,6 +15,7 @@ from robot_files import MJCF, write_robot
 from gmr_traj.collision import segments
 from gmr_traj.collision.capsules import radii, world_segments
 from gmr_traj.contacts.schedule import ContactSchedule
+from gmr_traj.kinematics.casadi_kinematics import CasadiKinematics
 from gmr_traj.kinematics.mujoco_kinematics import placements
 from gmr_traj.motion import RobotMotion
 from gmr_traj.residuals import FrameResidual
@@ -22,7 +23,7 @@ from gmr_traj.robot import Robot
 from gmr_traj.robot_loading import load_robot
 from gmr_traj.terms.context import stepped
 from gmr_traj.terms.posture import Posture
-from gmr_traj.terms.self_collision import SelfCollision
+from gmr_traj.terms.self_collision import SelfCollision, _chain
 from gmr_traj.terms.tracking import Tracking
 from gmr_traj.whole_clip import Task, solve_clip
 
@@ -94,6 +95,15 @@ def test_jacobian(request: pytest.FixtureRequest, name: str) -> None:
             assert jacobian_error(residual, x, step=1e-7) < 1e-4
             checked += 1
     assert checked
+
+
+def test_many_robots_do_not_mix_up_their_joints() -> None:
+    """What is kept of one robot's kinematics stays its own, however many others were in use in between."""
+    first, *others = [CasadiKinematics(toy()) for _ in range(12)]
+    for kinematics in (first, *others):
+        _chain(kinematics, "left_thigh", "right_thigh", False, False)
+    chain = _chain(first, "left_foot", "right_thigh", False, False)  # from what is known of the thighs
+    assert len(chain.joints) and not chain.value.has_free()
 
 
 def test_only_the_joints_between_the_bodies_are_named() -> None:

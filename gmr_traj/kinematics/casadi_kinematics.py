@@ -98,6 +98,11 @@ class CasadiKinematics:
         tangent, reference = ca.SX.sym("v", self.tangent_size), ca.SX.sym("q", 7 + self.robot.dof)
         return tangent, reference, self.placements(tangent, reference)
 
+    @cached_property
+    def joint_symbols(self) -> tuple[Any, Any]:
+        """Step and angle of every joint, for functions of a few joints alone.  # (n, 1) each"""
+        return ca.SX.sym("z", self.robot.dof), ca.SX.sym("angle", self.robot.dof)
+
     def placements(self, tangent: Any, reference: Any) -> Placements:
         """Placements of every body.
 

@@ -95,7 +95,7 @@ def _chain(kinematics: CasadiKinematics, first: str, second: str, sphere_one: bo
     common = next(body for body in up_one if body in up_two)
     path = [*up_one[: up_one.index(common)][::-1], *up_two[: up_two.index(common)][::-1]]
     joints = np.array([_joint(model, body) for body in path if int(model.body_jntnum[body])])
-    step, angles = _symbols(kinematics)
+    step, angles = kinematics.joint_symbols
     symbols, ends = [angles[joints]], []
     for body, sphere in ((up_one[0], sphere_one), (up_two[0], sphere_two)):
         position, rotation = _placement(kinematics, common, body)
@@ -111,12 +111,6 @@ def _chain(kinematics: CasadiKinematics, first: str, second: str, sphere_one: bo
         value=ca.Function("clearance", inputs, [value], ["z", "p"], ["r"]),
         jacobian=ca.Function("clearance_row", inputs, [ca.densify(row)], ["z", "p"], ["J"]),
     )
-
-
-@lru_cache(maxsize=8)
-def _symbols(kinematics: CasadiKinematics) -> tuple[Any, Any]:
-    """Step and angle of every joint.  # (n, 1) each"""
-    return ca.SX.sym("z", kinematics.robot.dof), ca.SX.sym("angle", kinematics.robot.dof)
 
 
 def _joint(model: mujoco.MjModel, body: int) -> int:
@@ -141,7 +135,7 @@ def _placement(kinematics: CasadiKinematics, ancestor: int, body: int) -> tuple[
     position = position + rotation @ ca.DM(model.body_pos[body])
     rotation = rotation @ constant_rotation(model.body_quat[body])
     if int(model.body_jntnum[body]):
-        step, angles = _symbols(kinematics)
+        step, angles = kinematics.joint_symbols
         index, joint = _joint(model, body), int(model.body_jntadr[body])
         zero = float(model.qpos0[int(model.jnt_qposadr[joint])])
         angle = step[index] + angles[index] - zero
