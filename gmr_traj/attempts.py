@@ -9,6 +9,9 @@ import numpy as np
 
 from gmr_traj.exceptions import SolverError
 
+#: What words of the engines, which are Ipopt's, say of a solution; all others say that it is not converged.
+STATUS = {"Solve_Succeeded": "converged", "Solved_To_Acceptable_Level": "acceptable"}
+
 #: What a solution can be, the best first.
 RANKING = ("converged", "acceptable", "not converged")
 

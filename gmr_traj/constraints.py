@@ -10,8 +10,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from gmr_traj.assembly import SparseSum, frozen, gather, mapped, nonzeros, to_dm, widen
-from gmr_traj.band.frames import evaluated
 from gmr_traj.exceptions import ProblemError
+from gmr_traj.frames import evaluated
 from gmr_traj.residuals import FrameResidual, LinearResidual, Residual, Used
 from gmr_traj.variables import Variables
 

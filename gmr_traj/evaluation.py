@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gmr_traj.band.frames import evaluated
 from gmr_traj.frame_costs import gauss_newton
+from gmr_traj.frames import evaluated
 from gmr_traj.outcome import TermReport
 from gmr_traj.residuals import FrameResidual, LinearResidual, Residual, Used, exceedance
 

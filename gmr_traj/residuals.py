@@ -101,6 +101,36 @@ class FrameResidual:
     weights: np.ndarray
     gauss_newton: GaussNewton | None = None
 
+    @classmethod
+    def cost(
+        cls, name: str, row: str, frames: np.ndarray, columns: np.ndarray, parameters: np.ndarray, model: GaussNewton
+    ) -> FrameResidual:
+        """A residual that can only be a cost, with a model of its own: one row, without bounds or weight.
+
+        Args:
+            name: of the term.
+            row: what the row is about.
+            frames: as above.  # (K,)
+            columns: as above.  # (K, nz)
+            parameters: as above.  # (np, K)
+            model: the cost.
+        """
+        nothing = np.zeros((1, len(frames)))
+        return cls(
+            name=name,
+            unit="1",
+            rows=[row],
+            frames=frames,
+            columns=columns,
+            parameters=parameters,
+            value=model.value,
+            jacobian=None,
+            lower=nothing,
+            upper=nothing,
+            weights=nothing,
+            gauss_newton=model,
+        )
+
 
 @dataclass(frozen=True)
 class LinearResidual:

@@ -12,12 +12,10 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from gmr_traj.attempts import Attempt, Solution
+from gmr_traj.attempts import RANKING, STATUS, Attempt, Solution
 from gmr_traj.exceptions import SolverError
 from gmr_traj.transcription import Nlp
 
-CONVERGED = ("Solve_Succeeded",)
-ACCEPTABLE = ("Solved_To_Acceptable_Level",)
 INTERRUPTED = ("User_Requested_Stop",)
 _UNUSABLE = ("Invalid_Option", "Invalid_Problem_Definition", "Internal_Error", "Insufficient_Memory")
 _SILENT = {"print_level": 0, "sb": "yes"}
@@ -68,7 +66,7 @@ def solve(nlp: Nlp, attempt: Attempt, start: np.ndarray) -> Solution:
         float(value) for key, value in stats.items() if key.startswith("t_wall_nlp_") and key != "t_wall_nlp_total"
     )
     x = np.array(result["x"]).ravel()
-    status = "converged" if word in CONVERGED else "acceptable" if word in ACCEPTABLE else "not converged"
+    status = STATUS.get(word, RANKING[-1])
     if not np.isfinite(x).all():
         x, status = start, "not converged"
     trace = {key: tuple(map(float, values)) for key, values in stats.get("iterations", {}).items()}

@@ -14,19 +14,19 @@ from hypothesis import strategies as st
 from metrics_toy import clip, standing
 from optimiser_setup import EXAMPLE, TIGHT, built_parts, curved, linear, toy
 
+from gmr_traj import frames
 from gmr_traj.attempts import Attempt
-from gmr_traj.band import frames
 from gmr_traj.band.cholesky import BlockCholesky
-from gmr_traj.band.frames import Frames
 from gmr_traj.band.ordering import order
 from gmr_traj.band.program import Program
-from gmr_traj.band.vector_machine import instructions
 from gmr_traj.engines import solve
 from gmr_traj.formats import read_clip
 from gmr_traj.formulation import Formulation, formulate
+from gmr_traj.frames import Frames
 from gmr_traj.residuals import Used
 from gmr_traj.transcription import transcribe
 from gmr_traj.variables import Variables
+from gmr_traj.vector_machine import instructions
 
 BAND = Attempt("band", {"max_iter": 60, "tol": 1e-4, "compl_inf_tol": 1e-9, "acceptable_iter": 1000}, "band")
 

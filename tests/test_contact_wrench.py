@@ -8,13 +8,14 @@ import pytest
 from metrics_toy import FPS, clip, standing
 from optimiser_setup import context_of, kinematics_of, residuals_of, toy
 
+from gmr_traj.constants import GRAVITY
 from gmr_traj.contacts.schedule import ContactSchedule, Stance
 from gmr_traj.contacts.support import edges
 from gmr_traj.kinematics.mujoco_kinematics import placements
 from gmr_traj.motion import RobotMotion
 from gmr_traj.residuals import FrameResidual
 from gmr_traj.robot import Robot
-from gmr_traj.terms.centroidal import FOOT, GRAVITY, wrench
+from gmr_traj.terms.centroidal import FOOT, wrench
 from gmr_traj.terms.contact_wrench import ContactWrench
 from gmr_traj.terms.stance_support import hinges, leg, weight_torques
 from gmr_traj.verify.inverse_dynamics import demand, inverse_dynamics

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gmr_traj.constants import GRAVITY
 from gmr_traj.contacts.schedule import Stance
 from gmr_traj.kinematics.mujoco_kinematics import placements
 from gmr_traj.lead.arrival import Moving, arrival, standing
@@ -12,7 +13,6 @@ from gmr_traj.lead.centre_path import JERK, OFF, centre_path
 from gmr_traj.lead.feet import LIFT, feet_of, foot_path, place_of, standing_feet
 from gmr_traj.lead.legs import bend_legs
 from gmr_traj.lead.steps import DOUBLE, QUICKEST, SHIFT, STEP, pressed_at, shortest, step_plans
-from gmr_traj.metrics.balance import GRAVITY
 from gmr_traj.motion import RobotMotion
 
 FPS = 50.0

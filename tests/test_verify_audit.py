@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from verify_setup import FAULTS, squatting, standing, with_fault
 
+from gmr_traj.constants import GRAVITY
 from gmr_traj.formats import read_clip
 from gmr_traj.kinematics.mujoco_kinematics import base_rotation, to_mujoco
-from gmr_traj.metrics.balance import GRAVITY
 from gmr_traj.metrics.observation import observe
 from gmr_traj.metrics.settings import shipped
 from gmr_traj.motion import RobotMotion

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from gmr_traj.band.frames import Frames, filled
 from gmr_traj.constraints import Block
 from gmr_traj.frame_costs import gauss_newton
+from gmr_traj.frames import Frames, filled
 from gmr_traj.residuals import FrameResidual
 
 # Frames whose Hessians are multiplied out at a time, so that the whole matrices need no memory.

@@ -35,8 +35,8 @@ class _Front:
     """One block's part of the factor.
 
     Attributes:
-        pivots, rest: unknowns that are eliminated, and those that they couple with later.  # (p,), (r,)
-        onward: the first rows of ``rest``, which are not the next block's pivots, as rows of the next one's rest.
+        pivots: unknowns that are eliminated; those that they couple with later are the front's rest.  # (p,)
+        onward: the first rows of the rest, which are not the next block's pivots, as rows of the next one's rest.
         panel: [L; X], a view of the store.  # (p + r, p)
         update: S.  # (r, r)
         vector: pivots and rest of a right-hand side.  # (p + r,)
@@ -44,7 +44,6 @@ class _Front:
     """
 
     pivots: np.ndarray
-    rest: np.ndarray
     onward: np.ndarray
     panel: np.ndarray
     update: np.ndarray
@@ -84,7 +83,8 @@ class BlockCholesky:
         starts = np.concatenate([[0], np.cumsum(heights)])
         self.store = np.zeros(self._offsets[-1])
         self._heights = heights
-        self._starts = np.concatenate([[0], np.cumsum(widths)])
+        # the row of a front at which the pivots of the next begin, with which it ends
+        self._ahead = heights[:-1] - widths[1:]
         self._work = np.zeros(starts[-1])
         largest = int((heights - widths).max())
         spaces = np.zeros((2, largest * largest))
@@ -133,7 +133,7 @@ class BlockCholesky:
             forward.append(lapack.subtract_product(r, p, below, h, x, later, False))
             backward.append(lapack.subtract_product(r, p, below, h, later, x, True))
         backward.append(lapack.solve_triangle(p, at, h, x, True))
-        return _Front(pivots, rest, onward, panel, update, vector, factoring, forward, backward)
+        return _Front(pivots, onward, panel, update, vector, factoring, forward, backward)
 
     def places(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
         """Where in the store entries of the matrix are, given on either side of the diagonal."""
@@ -152,7 +152,7 @@ class BlockCholesky:
         # The other is a pivot of the same block, of the next, which the rest ends with, or carried on from there.
         row = self._column[other]
         following = beyond == 1
-        row[following] += (self._heights[:-1] - np.diff(self._starts)[1:])[rank[following]]
+        row[following] += self._ahead[rank[following]]
         far = beyond > 1
         found = np.searchsorted(self._keys, rank[far] * self.size + other[far])
         row[far] = self._rows[found]

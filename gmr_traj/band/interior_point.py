@@ -24,7 +24,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from gmr_traj.attempts import Attempt, Solution
+from gmr_traj.attempts import RANKING, STATUS, Attempt, Solution
 from gmr_traj.band.bounds import Bounds
 from gmr_traj.band.program import Program
 from gmr_traj.band.settings import Settings
@@ -69,10 +69,9 @@ def _solve(program: Program, name: str, settings: Settings, start: np.ndarray) -
                 continue
             word = "Error_In_Step_Computation"
         break
-    status = {"Solve_Succeeded": "converged", "Solved_To_Acceptable_Level": "acceptable"}.get(word, "not converged")
     return Solution(
         x=state.best,
-        status=status,
+        status=STATUS.get(word, RANKING[-1]),
         solver_status=word,
         strategy=name,
         iterations=iterations,

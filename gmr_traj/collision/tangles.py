@@ -11,6 +11,7 @@ from gmr_traj.collision.capsules import radii, world_segments
 from gmr_traj.collision.limbs import Limb
 from gmr_traj.collision.segments import Array, normal
 from gmr_traj.robot import Robot
+from gmr_traj.runs import runs
 
 #: A pair deeper than this takes part in a tangle [m]; shallower overlaps are left to the problem.
 DEEP = 0.015
@@ -75,9 +76,8 @@ def _against(one: Candidate, n: Array, two: Candidate, m: Array) -> Array:
 
 def _stretches(deep: Array, doubtful: Array, bridge: int, widen: int) -> list[tuple[int, int]]:
     """Runs of deep frames with a doubtful one among them, joined over short gaps and widened."""
-    edges = np.flatnonzero(np.diff(deep, prepend=False, append=False)).reshape(-1, 2)
     out: list[tuple[int, int]] = []
-    for start, stop in edges.tolist():
+    for start, stop in runs(deep):
         if not doubtful[start:stop].any():
             continue
         first, last = max(0, start - widen), min(len(deep), stop + widen) - 1

@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
+from gmr_traj.constants import GRAVITY
 from gmr_traj.contacts.detect import sole_points
 from gmr_traj.contacts.held_longer import Standing
 from gmr_traj.contacts.rest import DetectionSettings, rest_runs
@@ -26,8 +27,8 @@ from gmr_traj.contacts.schedule import ContactSchedule, Stance
 from gmr_traj.kinematics.mujoco_kinematics import placements
 from gmr_traj.motion import RobotMotion
 from gmr_traj.robot import Robot
+from gmr_traj.runs import runs
 
-GRAVITY = 9.81  # [m/s^2]
 _SHORTEST = 3  # frames: a point that bears a load stands in the frame before and in the frame after
 
 
@@ -96,8 +97,7 @@ def carrying(
     _hand_over(standing, round(settings.handover * motion.fps), settings.nearby)
     stances = []
     for (sole, point, part), on in zip(owners, resting.T, strict=True):
-        ends = np.flatnonzero(np.diff(np.concatenate([[0], on.astype(int), [0]]))).reshape(-1, 2)
-        stances += [Stance(sole, point, part, int(start), int(stop)) for start, stop in ends]
+        stances += [Stance(sole, point, part, start, stop) for start, stop in runs(on)]
     return replace(schedule, stances=tuple(sorted(stances)))
 
 
@@ -128,14 +128,13 @@ def centre_height(robot: Robot, positions: np.ndarray, rotations: np.ndarray) ->
 
 def _gaps(standing: Standing, loaded: np.ndarray) -> list[tuple[int, int]]:
     """Runs of loaded frames without a point that can bear a load, first and last frame."""
-    gap = np.flatnonzero(loaded & ~bearing(standing.resting).any(axis=1))
-    runs = np.split(gap, np.flatnonzero(np.diff(gap) > 1) + 1)
-    return [(int(run[0]), int(run[-1])) for run in runs if run.size]
+    gap = loaded & ~bearing(standing.resting).any(axis=1)
+    return [(start, stop - 1) for start, stop in runs(gap)]
 
 
-def _find(standing: Standing, loaded: np.ndarray, runs: Sequence[Sequence[tuple[int, int]]]) -> None:
+def _find(standing: Standing, loaded: np.ndarray, resting: Sequence[Sequence[tuple[int, int]]]) -> None:
     """Put points in stance that rest, by wider thresholds, in a gap."""
-    for k, own in enumerate(runs):
+    for k, own in enumerate(resting):
         for first, last in _gaps(standing, loaded):
             for run in own:
                 start, stop = max(run[0], first - 2), min(run[1], last + 3)

@@ -7,7 +7,7 @@ import numpy as np
 from gmr_traj.contacts.rest import DetectionSettings, rest_runs
 from gmr_traj.contacts.schedule import ContactSchedule, Stance
 from gmr_traj.exceptions import ScheduleError
-from gmr_traj.kinematics.mujoco_kinematics import placements
+from gmr_traj.kinematics.mujoco_kinematics import body_points, placements
 from gmr_traj.motion import RobotMotion
 from gmr_traj.robot import Robot
 
@@ -53,10 +53,10 @@ def detect(
 
 def sole_points(motion: RobotMotion, robot: Robot) -> tuple[np.ndarray, list[tuple[str, int, str]]]:
     """World positions of all contact points [m], ``(T, K, 3)``, and (sole, point, part) of each."""
-    positions, rotations = placements(robot, motion.qpos)
+    placed = placements(robot, motion.qpos)
     blocks, owners = [], []
     for sole in robot.soles:
         slot = robot.body_names.index(sole.body)
-        blocks.append(positions[:, slot, None] + np.einsum("tij,kj->tki", rotations[:, slot], sole.points))
+        blocks.append(body_points(placed, slot, sole.points))
         owners += [(sole.name, k, part) for k, part in enumerate(sole.parts)]
     return np.concatenate(blocks, axis=1), owners

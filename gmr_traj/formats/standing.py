@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gmr_traj.kinematics.mujoco_kinematics import placements
+from gmr_traj.kinematics.mujoco_kinematics import body_points, placements
 from gmr_traj.robot import Robot
 
 # What a right reading stays below, roughly: one unit of oddness each.  Over 26 G1 clips from seven projects a whole
@@ -49,7 +49,7 @@ class StandingTest:
         points, normals = [], []
         for sole in robot.soles:
             body = robot.body_names.index(sole.body)
-            points.append(positions[:, None, body] + np.einsum("tij,kj->tki", rotations[:, body], sole.points))
+            points.append(body_points((positions, rotations), body, sole.points))
             normals.append(np.repeat(rotations[:, None, body, :, 2], len(sole.points), axis=1))
         self._points = np.concatenate(points, axis=1) if points else np.zeros((len(frames), 1, 3))  # (2K, P, 3)
         self._normals = np.concatenate(normals, axis=1) if normals else np.tile([0.0, 0.0, 1.0], (len(frames), 1, 1))

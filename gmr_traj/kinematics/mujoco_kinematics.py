@@ -42,6 +42,18 @@ def placements(robot: Robot, qpos: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return positions, rotations.reshape(frames, bodies, 3, 3)
 
 
+def body_points(placed: tuple[np.ndarray, np.ndarray], slot: int, points: np.ndarray) -> np.ndarray:
+    """World positions of points of one body in every frame [m].  # (T, K, 3)
+
+    Args:
+        placed: what :func:`placements` gives.
+        slot: index of the body in ``robot.body_names``.
+        points: in the body's frame [m].  # (K, 3)
+    """
+    positions, rotations = placed
+    return np.asarray(positions[:, slot, None] + np.einsum("tij,kj->tki", rotations[:, slot], points))
+
+
 def centres_of_mass(robot: Robot, qpos: np.ndarray) -> np.ndarray:
     """Centre of mass of the whole robot in every frame [m].  # (T, 3)
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gmr_traj.constants import GRAVITY
 from gmr_traj.lead.arrival import Moving
-from gmr_traj.metrics.balance import GRAVITY
 
 # Jerk that costs as much as a zero-moment point that is ``OFF`` from where it should be.
 JERK = 20.0  # [m/s^3]

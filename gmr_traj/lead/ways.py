@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from gmr_traj.constants import GRAVITY
 from gmr_traj.kinematics.mujoco_kinematics import centres_of_mass
 from gmr_traj.lead.arrival import Arrival, standing, yaw
 from gmr_traj.lead.blend import blend
@@ -14,7 +15,6 @@ from gmr_traj.lead.centre_path import CentrePath, centre_path
 from gmr_traj.lead.feet import Foot, FootPath, foot_path, standing_feet
 from gmr_traj.lead.legs import leg_length
 from gmr_traj.lead.steps import REST, Steps, pressed_at, step_plans
-from gmr_traj.metrics.balance import GRAVITY
 from gmr_traj.robot import Robot
 
 # Places to begin at, behind the base by its velocity times so much [s].

@@ -6,10 +6,10 @@ import numpy as np
 from scipy.signal import savgol_filter
 from scipy.spatial import ConvexHull, QhullError
 
+from gmr_traj.constants import GRAVITY
 from gmr_traj.kinematics.mujoco_kinematics import centres_of_mass
 from gmr_traj.metrics.observation import Observation
 
-GRAVITY = 9.81  # [m/s^2]
 _LEAST_LIFT = 0.3  # of gravity; a robot that presses less than this on the floor has no zero-moment point to speak of
 
 

@@ -25,7 +25,6 @@ import numpy as np
 from gmr_traj.kinematics.casadi_kinematics import CasadiKinematics, Placements, constant_rotation
 from gmr_traj.terms.composite import left_jacobian
 
-GRAVITY = 9.81  # [m/s^2]
 #: Numbers that describe one sole's part in where the moment is taken about: its share, a point in its body, its place.
 FOOT = 6
 

@@ -29,11 +29,12 @@ from typing import ClassVar
 import casadi as ca
 import numpy as np
 
+from gmr_traj.constants import GRAVITY
 from gmr_traj.contacts.support import edges
 from gmr_traj.kinematics.casadi_kinematics import CasadiKinematics
 from gmr_traj.residuals import FrameResidual, GaussNewton, Residual
 from gmr_traj.robot import Robot
-from gmr_traj.terms.centroidal import FOOT, GRAVITY, wrench
+from gmr_traj.terms.centroidal import FOOT, wrench
 from gmr_traj.terms.context import Context
 from gmr_traj.terms.stance_support import LEG, hinges, leg, support, unexplained, weight_torques
 from gmr_traj.terms.term import Term
@@ -95,24 +96,9 @@ class ContactWrench(Term):
             ]
         ).T
         steps = variables.steps
-        nothing = np.zeros((1, len(frames)))
         functions = _functions(context.kinematics, self.robust)
-        return [
-            FrameResidual(
-                name="contact_wrench",
-                unit="1",
-                rows=["all rows"],
-                frames=frames,
-                columns=np.hstack([steps[frames - 1], steps[frames], steps[frames + 1]]),
-                parameters=parameters,
-                value=functions.value,
-                jacobian=None,
-                lower=nothing,
-                upper=nothing,
-                weights=nothing,
-                gauss_newton=functions,
-            )
-        ]
+        columns = np.hstack([steps[frames - 1], steps[frames], steps[frames + 1]])
+        return [FrameResidual.cost("contact_wrench", "all rows", frames, columns, parameters, functions)]
 
     def _rows(self, context: Context, origins: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Rows as ``lower <= A (F, M) <= upper``, M about the origins moved with the feet, and those feet.

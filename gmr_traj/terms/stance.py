@@ -20,8 +20,10 @@ import casadi as ca
 import numpy as np
 
 from gmr_traj.kinematics.casadi_kinematics import CasadiKinematics
+from gmr_traj.kinematics.mujoco_kinematics import body_points
 from gmr_traj.residuals import FrameResidual, Residual
 from gmr_traj.robot import Sole
+from gmr_traj.runs import runs
 from gmr_traj.terms.context import Context
 from gmr_traj.terms.term import Term
 from gmr_traj.variables import Variables
@@ -44,7 +46,6 @@ class StanceAnchor(Term):
 
     def residuals(self, context: Context, variables: Variables) -> list[Residual]:
         """One residual a sole, over the frames in which any of its points is in stance; adds the anchors."""
-        positions, rotations = context.placements
         out: list[Residual] = []
         for sole in context.robot.soles:
             stances = [s for s in context.schedule.stances if s.sole == sole.name]
@@ -52,7 +53,7 @@ class StanceAnchor(Term):
             tips = pivots(sole) if self.rise > 0.0 else {}
             own = np.vstack([sole.points, *tips.values()])
             count, total = len(sole.points), len(own)
-            points = positions[:, slot, None] + np.einsum("tij,kj->tki", rotations[:, slot], own)
+            points = body_points(context.placements, slot, own)
             anchor = np.full((context.frames, total, 2), -1)
             resting = np.zeros((context.frames, total), bool)
             for stance in stances:
@@ -127,10 +128,8 @@ def _alone(resting: np.ndarray, parts: Sequence[str], part: str) -> np.ndarray:
 def _turned(resting: np.ndarray, parts: Sequence[str], part: str) -> list[tuple[int, int]]:
     """Runs of frames in which a part rests, those in which it rests alone at times."""
     its = np.array([name == part for name in parts])
-    on = np.concatenate([[0], resting[:, its].any(axis=1).astype(int), [0]])
-    alone = _alone(resting, parts, part)
-    ends = np.flatnonzero(np.diff(on)).reshape(-1, 2)
-    return [(int(first), int(stop)) for first, stop in ends if alone[first:stop].any()]
+    on, alone = np.asarray(resting[:, its].any(axis=1)), _alone(resting, parts, part)
+    return [(first, stop) for first, stop in runs(on) if alone[first:stop].any()]
 
 
 @lru_cache(maxsize=8)

@@ -10,7 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from gmr_traj.contacts.carrying import CarryingSettings, bearing, centre_height, load
+from gmr_traj.kinematics.mujoco_kinematics import body_points
 from gmr_traj.robot import Robot
+from gmr_traj.runs import runs
 from gmr_traj.terms.context import Context
 
 #: Joints of a leg that are looked at, from the foot up.
@@ -41,11 +43,10 @@ class Support:
 
 def support(context: Context) -> Support:
     """The support that the schedule gives the centre motion."""
-    positions, rotations = context.placements
     resting, places = [], []
     for sole in context.robot.soles:
         slot = context.robot.body_names.index(sole.body)
-        points = positions[:, slot, None] + np.einsum("tij,kj->tki", rotations[:, slot], sole.points)
+        points = body_points(context.placements, slot, sole.points)
         place = points[..., :2].copy()
         on = np.zeros(place.shape[:2], bool)
         for stance in (s for s in context.schedule.stances if s.sole == sole.name):
@@ -78,10 +79,9 @@ def unexplained(context: Context, able: np.ndarray) -> np.ndarray:
         for end in (capsule.start, capsule.end):
             out |= positions[:, slot, 2] + rotations[:, slot, 2] @ end - capsule.radius < _LOW
     loads = load(centre_height(robot, positions, rotations), context.centre.fps, settings.spread)
-    gap = np.flatnonzero((loads > settings.loaded) & ~able.any(axis=1))
-    for run in np.split(gap, np.flatnonzero(np.diff(gap) > 1) + 1):
-        if len(run) > _UNKNOWN * context.centre.fps and loads[run].mean() > _CARRIED:
-            out[run] = True
+    for start, stop in runs((loads > settings.loaded) & ~able.any(axis=1)):
+        if stop - start > _UNKNOWN * context.centre.fps and loads[start:stop].mean() > _CARRIED:
+            out[start:stop] = True
     return out
 
 

@@ -66,23 +66,8 @@ class Tracking(Term):
             ]
         ).T
         functions = _functions(context.kinematics, tuple(slots), tuple(map(tuple, points.tolist())), self.robust)
-        nothing = np.zeros((1, frames))
-        return [
-            FrameResidual(
-                name="tracking",
-                unit="1",
-                rows=["all key bodies"],
-                frames=np.arange(frames),
-                columns=variables.steps,
-                parameters=parameters,
-                value=functions.value,
-                jacobian=None,
-                lower=nothing,
-                upper=nothing,
-                weights=nothing,
-                gauss_newton=functions,
-            )
-        ]
+        every = np.arange(frames)
+        return [FrameResidual.cost("tracking", "all key bodies", every, variables.steps, parameters, functions)]
 
 
 @lru_cache(maxsize=8)

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from gmr_traj.constants import GRAVITY
 from gmr_traj.metrics.artefact import Artefact, Collector
-from gmr_traj.metrics.balance import GRAVITY, centre_of_mass
+from gmr_traj.metrics.balance import centre_of_mass
 from gmr_traj.metrics.floor_depth import lowest_points
 from gmr_traj.metrics.observation import observe
 from gmr_traj.metrics.settings import Settings, shipped

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from gmr_traj.metrics.balance import GRAVITY, hull_margin
+from gmr_traj.constants import GRAVITY
+from gmr_traj.metrics.balance import hull_margin
 from gmr_traj.verify.contact_points import ContactPoints
 from gmr_traj.verify.inverse_dynamics import Demand
 

@@ -7,7 +7,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from gmr_traj.band.vector_machine import VectorMachine, instructions
+from gmr_traj.vector_machine import VectorMachine, instructions
 
 # From so many frames on an operation on all of them is cheaper than all operations on each.
 _WORTHWHILE = 150

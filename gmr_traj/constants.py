@@ -1,0 +1,4 @@
+"""Constants of nature."""
+
+#: Acceleration of gravity [m/s^2].
+GRAVITY = 9.81
