@@ -9,6 +9,7 @@ import numpy as np
 from gmr_traj.collision.untangle import untangle
 from gmr_traj.contacts.carrying import carrying
 from gmr_traj.contacts.detect import detect
+from gmr_traj.contacts.ends import continued
 from gmr_traj.contacts.schedule import ContactSchedule
 from gmr_traj.exceptions import ClipError, ProblemError, RobotError, ScheduleError
 from gmr_traj.kinematics.casadi_kinematics import CasadiKinematics
@@ -19,7 +20,7 @@ from gmr_traj.problem import Problem
 from gmr_traj.references import BodyTargets
 from gmr_traj.robot import Robot
 from gmr_traj.task import Task
-from gmr_traj.trust import trust
+from gmr_traj.trust import NONE, trust, without_spoiled_ends
 from gmr_traj.whole_clip import Progress, solve_clip
 from gmr_traj.windows import solve_windows
 
@@ -91,8 +92,9 @@ def refine(
         raise ProblemError(
             f"an overlap of {overlap:g} s is of windows, and there are none: give a window's length, too"
         )
+    believed = trust(motion)
     if schedule is None:
-        schedule = detect(motion, robot, source=source_stances)
+        schedule = continued(detect(motion, robot, source=source_stances), robot, believed > NONE)
         if any(item.term.dynamic for item in problem.terms):
             schedule = carrying(schedule, motion, robot)
     elif schedule.frames != motion.frames:
@@ -102,9 +104,8 @@ def refine(
     levelled = motion.shifted(schedule.height)
     kinematics = kinematics or CasadiKinematics(robot)
     # Where a limb is deep in the body the input is no reference: start from, and stay near, a way around.
-    start, _ = untangle(robot, levelled)
+    start, _ = untangle(robot, without_spoiled_ends(levelled, believed > NONE))
     fixed = np.zeros(0, int) if held is None else held
-    believed = trust(motion)
     targets = None
     if references is not None:
         targets = fitted(references.raised(schedule.height), robot, start, believed)

@@ -17,7 +17,7 @@ REACH = 0.08
 # Frames at either end that a fault separates from the rest are part of the fault if there are at most this many [s].
 END = 0.25
 # Trust left to frames that are known to be wrong: enough to keep the problem well posed.
-NONE = 1e-4
+NONE = 1e-2
 
 
 def trust(motion: RobotMotion) -> np.ndarray:
@@ -40,6 +40,19 @@ def trust(motion: RobotMotion) -> np.ndarray:
     if last.size:
         out[last[0] :] = NONE
     return np.asarray(out)
+
+
+def without_spoiled_ends(motion: RobotMotion, believed: np.ndarray) -> RobotMotion:
+    """The first and the last frame that are believed, instead of those before and after.
+
+    Args:
+        motion: a clip.
+        believed: frames that say something about the motion.  # (T,) bool
+    """
+    if believed.all() or not believed.any():
+        return motion
+    first, last = int(np.argmax(believed)), motion.frames - 1 - int(np.argmax(believed[::-1]))
+    return motion.with_qpos(motion.qpos[np.clip(np.arange(motion.frames), first, last)])
 
 
 def _acceleration_ratio(motion: RobotMotion) -> np.ndarray:

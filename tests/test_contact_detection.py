@@ -13,6 +13,7 @@ from optimiser_setup import EXAMPLE, toy
 from scipy.spatial.transform import Rotation
 
 from gmr_traj.contacts.detect import detect, sole_points
+from gmr_traj.contacts.mask import owners
 from gmr_traj.contacts.schedule import ContactSchedule
 from gmr_traj.formats import read_clip
 from gmr_traj.kinematics.mujoco_kinematics import placements
@@ -177,10 +178,10 @@ def test_short_clips(frames: int) -> None:
 
 def test_points_are_those_of_the_placements(g1: Robot) -> None:
     motion = read_clip(EXAMPLE, g1).motion
-    points, owners = sole_points(motion, g1)
+    points, owned = sole_points(motion, g1), owners(g1)
     positions, rotations = placements(g1, motion.qpos)
-    assert points.shape == (motion.frames, len(owners), 3)
-    for column, (name, k, part) in enumerate(owners):
+    assert points.shape == (motion.frames, len(owned), 3)
+    for column, (name, k, part) in enumerate(owned):
         sole = next(s for s in g1.soles if s.name == name)
         b = g1.body_names.index(sole.body)
         expected = positions[:, b] + rotations[:, b] @ sole.points[k]

@@ -13,6 +13,7 @@ from optimiser_setup import EXAMPLE, kinematics_of, toy
 from gmr_traj.cli.exit_codes import ExitCode
 from gmr_traj.cli.main import main
 from gmr_traj.contacts.detect import detect, sole_points
+from gmr_traj.contacts.mask import owners
 from gmr_traj.contacts.schedule import ContactSchedule
 from gmr_traj.exceptions import ClipError, RobotError, ScheduleError
 from gmr_traj.formats import read_clip
@@ -93,12 +94,12 @@ def test_the_certificates_limits_are_held(case: tuple[Robot, Refinement, RobotMo
 
 def test_stances_are_planted_and_jumps_are_gone(case: tuple[Robot, Refinement, RobotMotion]) -> None:
     robot, result, motion = case
-    points, owners = sole_points(result.motion, robot)
-    raw, _ = sole_points(result.levelled, robot)
+    points = sole_points(result.motion, robot)
+    raw = sole_points(result.levelled, robot)
     assert result.schedule.stances
     drift, before = [], []
     for stance in result.schedule.stances:
-        column = owners.index((stance.sole, stance.point, stance.part))
+        column = owners(robot).index((stance.sole, stance.point, stance.part))
         for p, out in ((points, drift), (raw, before)):
             during = p[stance.start : stance.stop, column, :2]
             out.append(np.linalg.norm(during - during.mean(axis=0), axis=1).max())

@@ -22,8 +22,9 @@ from scipy.ndimage import gaussian_filter1d
 from gmr_traj.constants import GRAVITY
 from gmr_traj.contacts.detect import sole_points
 from gmr_traj.contacts.held_longer import Standing
+from gmr_traj.contacts.mask import from_mask, owners, to_mask
 from gmr_traj.contacts.rest import DetectionSettings, rest_runs
-from gmr_traj.contacts.schedule import ContactSchedule, Stance
+from gmr_traj.contacts.schedule import ContactSchedule
 from gmr_traj.kinematics.mujoco_kinematics import placements
 from gmr_traj.motion import RobotMotion
 from gmr_traj.robot import Robot
@@ -72,13 +73,10 @@ def carrying(
         settings: how far to go.
     """
     detection, settings = detection or DetectionSettings(), settings or CarryingSettings()
-    points, owners = sole_points(motion, robot)
-    column = {(sole, point): k for k, (sole, point, _) in enumerate(owners)}
-    resting = np.zeros(points.shape[:2], bool)
-    for stance in schedule.stances:
-        resting[stance.start : stance.stop, column[stance.sole, stance.point]] = True
+    points = sole_points(motion, robot)
+    resting = to_mask(schedule, robot)
     parts: dict[tuple[str, str], list[int]] = {}
-    for k, (sole, _, part) in enumerate(owners):
+    for k, (sole, _, part) in enumerate(owners(robot)):
         parts.setdefault((sole, part), []).append(k)
     standing = Standing(resting, points, points[..., 2] + schedule.height, list(parts.values()), settings.farthest)
     height = centre_height(robot, *placements(robot, motion.qpos))
@@ -95,10 +93,7 @@ def carrying(
         _find(standing, loaded, rest_runs(points, standing.height, motion.fps, easier))
         _hold(standing, loaded)
     _hand_over(standing, round(settings.handover * motion.fps), settings.nearby)
-    stances = []
-    for (sole, point, part), on in zip(owners, resting.T, strict=True):
-        stances += [Stance(sole, point, part, start, stop) for start, stop in runs(on)]
-    return replace(schedule, stances=tuple(sorted(stances)))
+    return from_mask(schedule, robot, resting)
 
 
 def load(height: np.ndarray, fps: float, spread: float) -> np.ndarray:

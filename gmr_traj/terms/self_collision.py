@@ -1,7 +1,8 @@
 """Limbs stay out of the body: closed-form clearance of capsules, ``r = c(a, b) >= clearance``.
 
 Only the joints between the two bodies matter, so a pair's residual is a function of those few angles, in the frame of
-their closest common ancestor.  Pairs and frames come from python-fcl's broadphase over the visited motions.
+their closest common ancestor.  Pairs and frames come from python-fcl's broadphase over the visited motions, and from
+where the schedule will take the feet (:mod:`~gmr_traj.terms.planted`).
 """
 
 from __future__ import annotations
@@ -19,8 +20,13 @@ from gmr_traj.kinematics.casadi_kinematics import CasadiKinematics, constant_rot
 from gmr_traj.residuals import FrameResidual, Residual
 from gmr_traj.robot import Capsule
 from gmr_traj.terms.context import Context
+from gmr_traj.terms.planted import planted_close
 from gmr_traj.terms.term import Term
 from gmr_traj.variables import Variables
+
+_NO_FRAMES = np.zeros(0, int)
+# Where a foot will stand is known to a few centimetres only: rows between feet are built from this much farther apart.
+_PLANTED = 2.0
 
 
 @dataclass(frozen=True)
@@ -38,8 +44,9 @@ class SelfCollision(Term):
         close: dict[tuple[int, int], np.ndarray] = {}
         for visited in context.visited:
             for found in visited.close(self.near):
-                known = close.get(found.pair)
-                close[found.pair] = found.frames if known is None else np.union1d(known, found.frames)
+                close[found.pair] = np.union1d(close.get(found.pair, _NO_FRAMES), found.frames)
+        for pair, frames in planted_close(context, _PLANTED * self.near).items():
+            close[pair] = np.union1d(close.get(pair, _NO_FRAMES), frames)
         return [self._pair(context, variables, pair, close[pair]) for pair in sorted(close)]
 
     def _pair(self, context: Context, variables: Variables, pair: tuple[int, int], frames: np.ndarray) -> FrameResidual:
