@@ -120,15 +120,18 @@ def pivots(sole: Sole) -> dict[str, np.ndarray]:
 
 
 def _alone(resting: np.ndarray, parts: Sequence[str], part: str) -> np.ndarray:
-    """Frames in which points of this part rest, and no others.  # (T,)"""
+    """Frames in which all points of this part rest, and no others.  # (T,)
+
+    A foot of which one point alone rests may be turning about that point: a tip that is held would stop it.
+    """
     its = np.array([name == part for name in parts])
-    return np.asarray(resting[:, its].any(axis=1) & ~resting[:, ~its].any(axis=1))
+    return np.asarray(resting[:, its].all(axis=1) & ~resting[:, ~its].any(axis=1))
 
 
 def _turned(resting: np.ndarray, parts: Sequence[str], part: str) -> list[tuple[int, int]]:
-    """Runs of frames in which a part rests, those in which it rests alone at times."""
+    """Runs of frames in which all of a part rests, those in which it rests alone at times."""
     its = np.array([name == part for name in parts])
-    on, alone = np.asarray(resting[:, its].any(axis=1)), _alone(resting, parts, part)
+    on, alone = np.asarray(resting[:, its].all(axis=1)), _alone(resting, parts, part)
     return [(first, stop) for first, stop in runs(on) if alone[first:stop].any()]
 
 
