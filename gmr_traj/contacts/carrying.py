@@ -21,6 +21,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from gmr_traj.constants import GRAVITY
 from gmr_traj.contacts.detect import sole_points
+from gmr_traj.contacts.headings import headings
 from gmr_traj.contacts.held_longer import Standing
 from gmr_traj.contacts.mask import from_mask, owners, to_mask
 from gmr_traj.contacts.rest import DetectionSettings, rest_runs
@@ -51,7 +52,7 @@ class CarryingSettings:
     loaded: float = 0.3
     widened: tuple[float, ...] = (1.5, 2.0, 3.0)
     hastened: tuple[float, ...] = (1.2, 1.5, 2.0)
-    farthest: float = 0.1
+    farthest: float = 0.06
     handover: float = 0.1
     nearby: float = 0.03
 
@@ -78,7 +79,9 @@ def carrying(
     parts: dict[tuple[str, str], list[int]] = {}
     for k, (sole, _, part) in enumerate(owners(robot)):
         parts.setdefault((sole, part), []).append(k)
-    standing = Standing(resting, points, points[..., 2] + schedule.height, list(parts.values()), settings.farthest)
+    above = points[..., 2] + schedule.height
+    facing = np.repeat(headings(points, robot), [len(sole.points) for sole in robot.soles], axis=1)
+    standing = Standing(resting, points, above, facing, list(parts.values()), settings.farthest)
     height = centre_height(robot, *placements(robot, motion.qpos))
     loaded = load(height, motion.fps, settings.spread) > settings.loaded
     _hold(standing, loaded)

@@ -8,6 +8,8 @@ import numpy as np
 
 # A stance may hold frames of the detected kind that are this much farther from its place than added ones may be.
 _DETECTED = 1.5
+# A foot that is turned by more than this within a stance that was prolonged is turning about one point of it [rad].
+_TURNED = 0.35
 
 
 class Standing:
@@ -17,6 +19,7 @@ class Standing:
         resting: which point is in stance when; changed in place.  # (T, K) bool
         points: the points in the world [m].  # (T, K, 3)
         height: above the floor they rest on [m].  # (T, K)
+        headings: of the foot that each point belongs to, about the vertical [rad].  # (T, K)
         groups: points that move as one (the toe of a foot, its heel).
         farthest: largest distance of a point from where it stands in frames that are added [m].
     """
@@ -26,6 +29,7 @@ class Standing:
         resting: np.ndarray,
         points: np.ndarray,
         height: np.ndarray,
+        headings: np.ndarray,
         groups: Sequence[Sequence[int]],
         farthest: float,
     ) -> None:
@@ -33,21 +37,30 @@ class Standing:
         self.height = height
         self.farthest = farthest
         self._points = points
+        self._headings = headings
         self._groups = groups
 
     def add(self, members: Sequence[int], start: int, stop: int) -> bool:
-        """Put points in stance, unless that joins stances in places too far from each other; whether it was done."""
-        spans = []
+        """Put points in stance, unless that joins stances in places too far from each other; whether it was done.
+
+        Where the foot turns meanwhile, only the one of the points that moves least: the foot turns about it, and two
+        points that stand would not let it.
+        """
+        spans: list[tuple[float, int, int, int]] = []
+        turns = False
         for k in members:
             first, last = self.run(k, start, stop)
             places, was = self._points[first:last, k, :2], self.resting[first:last, k]
-            centre = places[was].mean(axis=0) if was.any() else places.mean(axis=0)
-            away = np.linalg.norm(places - centre, axis=1)
+            known = was if was.any() else np.ones(len(places), bool)
+            away = np.linalg.norm(places - places[known].mean(axis=0), axis=1)
             bar = np.where(was, _DETECTED, 1.0) * self.farthest
             if (away > bar).any():
                 return False
-            spans.append((first, last))
-        for k, (first, last) in zip(members, spans, strict=True):
+            facing = np.exp(1j * self._headings[first:last, k])
+            turn = np.abs(np.angle(facing * facing[known].mean().conj()))
+            turns = turns or bool((turn[~was] > _TURNED).any())
+            spans.append((float(away[~was].max(initial=0.0)), k, first, last))
+        for _, k, first, last in sorted(spans)[: 1 if turns else None]:
             self.resting[first:last, k] = True
         return True
 
