@@ -20,6 +20,7 @@ from scipy.spatial.transform import Rotation
 
 from gmr_traj.kinematics.mujoco_kinematics import placements
 from gmr_traj.motion import RobotMotion
+from gmr_traj.quaternions import inverse, product
 from gmr_traj.references import BodyTargets
 from gmr_traj.robot import Robot
 
@@ -42,13 +43,14 @@ def fitted(references: BodyTargets, robot: Robot, motion: RobotMotion, trust: np
     slots = [robot.body_names.index(name) for name in known.names]
     positions, rotations = placements(robot, motion.qpos)
     at = known.reached(robot.body_names, positions, rotations)
-    source = Rotation.from_quat(known.quaternions.reshape(-1, 4), scalar_first=True)
-    turned = (Rotation.from_matrix(rotations[:, slots].reshape(-1, 3, 3)) * source.inv()).as_rotvec()
+    robots = Rotation.from_matrix(rotations[:, slots].reshape(-1, 3, 3)).as_quat(scalar_first=True).T  # (4, T B)
+    source = known.quaternions.reshape(-1, 4).T
+    turned = Rotation.from_quat(product(robots, inverse(source)).T, scalar_first=True).as_rotvec()
     spread = SPREAD * motion.fps
     shift = smoothed(at - known.positions, trust, spread)
     turn = smoothed(_continuous(turned.reshape(at.shape)), trust, spread)
-    quaternions = (Rotation.from_rotvec(turn.reshape(-1, 3)) * source).as_quat(scalar_first=True)
-    return replace(known, positions=known.positions + shift, quaternions=quaternions.reshape(*at.shape[:2], 4))
+    quaternions = product(Rotation.from_rotvec(turn.reshape(-1, 3)).as_quat(scalar_first=True).T, source)
+    return replace(known, positions=known.positions + shift, quaternions=quaternions.T.reshape(*at.shape[:2], 4))
 
 
 def smoothed(values: np.ndarray, weights: np.ndarray, spread: float) -> np.ndarray:
@@ -67,9 +69,14 @@ def smoothed(values: np.ndarray, weights: np.ndarray, spread: float) -> np.ndarr
 def _continuous(turn: np.ndarray) -> np.ndarray:
     """Rotation vectors as near as possible to the frame before: half a turn has two, of opposite signs.  # (T, B, 3)"""
     out = turn.copy()
+    # A turn of a quarter or less after another is nearer than its counterpart of three quarters or more.
+    large = np.flatnonzero((np.linalg.norm(out, axis=-1) > 0.5 * np.pi).any(axis=0))
+    if not large.size:
+        return out
     for t in range(1, len(out)):
-        angle = np.linalg.norm(out[t], axis=-1, keepdims=True)
-        other = out[t] * (1 - 2 * np.pi / np.maximum(angle, 1e-9))
-        nearer = np.linalg.norm(other - out[t - 1], axis=-1) < np.linalg.norm(out[t] - out[t - 1], axis=-1)
-        out[t, nearer] = other[nearer]
+        here, before = out[t, large], out[t - 1, large]
+        angle = np.linalg.norm(here, axis=-1, keepdims=True)
+        other = here * (1 - 2 * np.pi / np.maximum(angle, 1e-9))
+        nearer = np.linalg.norm(other - before, axis=-1) < np.linalg.norm(here - before, axis=-1)
+        out[t, large[nearer]] = other[nearer]
     return out

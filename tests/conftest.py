@@ -10,11 +10,15 @@ import hypothesis
 import numpy as np
 import pytest
 
+from gmr_traj.machine_code import COMPILER
 from gmr_traj.robot import Robot
 from gmr_traj.robot_loading import load_robot
 
 CHECKOUT = Path(__file__).resolve().parent.parent
 TEST_DATA = Path(__file__).resolve().parent / "data"
+
+# No test but those about it writes into the user's cache, or has a compiler at work beside it.
+os.environ.setdefault(COMPILER, "none")
 
 # Examples that compile or solve take as long as the machine lets them.
 hypothesis.settings.register_profile("gmr_traj", deadline=None, derandomize=True)

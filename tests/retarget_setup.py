@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
+import casadi as ca
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gmr_traj.human_motion import HumanMotion
 from gmr_traj.kinematics.mujoco_kinematics import placements
 from gmr_traj.retarget.body_map import BodyMap
-from gmr_traj.retarget.frame_error import Twists, cross_matrix, turning_slopes
+from gmr_traj.retarget.frame_error import Twist, coupling
 from gmr_traj.robot import Robot
 
 
@@ -83,12 +85,9 @@ def largest_difference(robot: Robot, a: np.ndarray, b: np.ndarray, turn: float =
     return float(max(root, angle, np.abs(a[:, 7:] - b[:, 7:]).max()))
 
 
-def minks_slopes(twists: Twists) -> np.ndarray:
-    """D of ``frame_error`` with mink's shortcut: where the rotation is below 1e-5 rad, it takes none of it.
+def minks_coupling(twist: Twist) -> Any:
+    """C of ``frame_error`` with mink's shortcut: zero where the rotation is below 1e-5 rad, and not ``[d] / 2``.
 
-    The coupling ``A [d] - D A`` is then zero, and not ``[d] / 2``: as for a wrist that has reached its orientation.
+    As for a wrist that has reached its orientation.
     """
-    out = turning_slopes(twists)
-    none = (twists.w**2).sum(axis=1) < 1e-10
-    out[none] = cross_matrix(twists.d)[none]
-    return out
+    return ca.if_else(ca.sumsqr(twist.w) < 1e-10, 0.0, coupling(twist))

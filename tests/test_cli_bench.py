@@ -8,11 +8,12 @@ import pytest
 from PIL import Image
 from test_bench import RUN
 
+from gmr_traj import machine_code
 from gmr_traj.bench.fresh import measured
 from gmr_traj.bench.gmr_loop import MINK_IS_MISSING
 from gmr_traj.cli import bench
 from gmr_traj.cli.bench_arguments import Bench
-from gmr_traj.cli.bench_work import Measured
+from gmr_traj.cli.bench_work import FirstUse, Measured
 from gmr_traj.cli.exit_codes import ExitCode
 from gmr_traj.cli.main import main
 from gmr_traj.exceptions import BenchError
@@ -96,6 +97,24 @@ def test_growth_is_measured_in_turns(capsys, jobs):
     lines = capsys.readouterr().out.splitlines()
     relative = [line.split()[-1] for line in lines if line.startswith("refine band   ")]
     assert relative == ["converged", "1.00", "0.25", "0.06", "0.02"]
+
+
+def test_the_compiler_is_done_before_a_person_is_measured(capsys, monkeypatch):
+    asked: list[object] = []
+
+    def pretend(job):
+        asked.append(job)
+        return RUN
+
+    monkeypatch.setattr(bench, "measured", pretend)
+    monkeypatch.setattr(machine_code, "compiler", lambda: "cc")
+    monkeypatch.setattr(machine_code, "wait", lambda: asked.append("wait"))
+    assert main(["bench", "--measure", "retarget", "--repeats", "2", "--quiet"]) == 0
+    assert [type(job) for job in asked] == [FirstUse, str, Measured, Measured]
+    assert asked[0].prepare().action().frames == 1
+    asked.clear()
+    assert main(["bench", str(PUNCH), "--repeats", "1", "--engines", "band", "--quiet"]) == 0
+    assert [type(job) for job in asked] == [Measured]
 
 
 def test_a_busy_machine_is_mentioned(capsys, monkeypatch):

@@ -8,6 +8,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from conftest import random_configurations
+from hypothesis import given
+from hypothesis import strategies as st
 from metrics_toy import FPS, both_feet, clip, standing
 from optimiser_setup import context_of, derivative, kinematics_of, residuals_of, toy
 from scipy.spatial.transform import Rotation
@@ -16,7 +18,7 @@ from gmr_traj.contacts.schedule import ContactSchedule
 from gmr_traj.contacts.source_level import source_height
 from gmr_traj.exceptions import ClipError
 from gmr_traj.kinematics.mujoco_kinematics import placements
-from gmr_traj.misfit import fitted, smoothed
+from gmr_traj.misfit import _continuous, fitted, smoothed
 from gmr_traj.motion import RobotMotion
 from gmr_traj.problem import load_problem
 from gmr_traj.references import BodyTargets
@@ -205,3 +207,26 @@ def test_parts_and_heights_of_targets() -> None:
     parts = [wanted.part(a, b) for a, b in pairwise((0, 4, 9))]
     np.testing.assert_array_equal(np.concatenate([part.positions for part in parts]), wanted.positions)
     np.testing.assert_allclose(wanted.raised(0.1).positions - wanted.positions, [[[0, 0, 0.1]] * 3] * 9, atol=1e-15)
+
+
+def nearest_to_the_frame_before(turn: np.ndarray) -> np.ndarray:
+    """Of the two rotation vectors of each turn the one that is nearer to the vector chosen before it."""
+    out = turn.copy()
+    for t in range(1, len(turn)):
+        for b in range(turn.shape[1]):
+            v = turn[t, b]
+            other = v * (1.0 - 2.0 * np.pi / max(float(np.linalg.norm(v)), 1e-9))
+            out[t, b] = min(v, other, key=lambda x, before=out[t - 1, b]: float(np.linalg.norm(x - before)))
+    return out
+
+
+@given(st.integers(0, 10_000), st.floats(0.05, 2.0))
+def test_rotation_vectors_are_continuous_whatever_their_size(seed: int, pace: float) -> None:
+    """Bodies that hardly turn, and others that go round and round."""
+    walk = (
+        pace
+        * np.cumsum(np.random.default_rng(seed).normal(size=(30, 4, 3)), axis=0)
+        * np.array([0.02, 0.2, 1, 1])[:, None]
+    )
+    turn = Rotation.from_rotvec(walk.reshape(-1, 3)).as_rotvec().reshape(walk.shape)
+    np.testing.assert_array_equal(_continuous(turn), nearest_to_the_frame_before(turn))

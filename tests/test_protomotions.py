@@ -10,7 +10,7 @@ from gmr_traj.exceptions import MapError, ResourceError
 from gmr_traj.kinematics.mujoco_kinematics import placements
 from gmr_traj.retarget import protomotions
 from gmr_traj.retarget.body_map import BodyMap, load_map
-from gmr_traj.retarget.inverse_kinematics import InverseKinematics, Stage
+from gmr_traj.retarget.inverse_kinematics import InverseKinematics
 from gmr_traj.retarget.landmarks import match
 from gmr_traj.retarget.options import Options
 from gmr_traj.robot import Robot
@@ -87,13 +87,12 @@ def test_a_step_is_minks(g1, body_map):
     v = mink.solve_ik(configuration, [*tasks, posture], dt, "daqp", damping=settings.damping, limits=limits)
     expected = configuration.integrate(v, dt)
 
-    ik = InverseKinematics(
-        g1, [targets.names[k] for k in own], np.zeros((len(own), 3)), damping=settings.damping, lm_damping=1.0
-    )
+    turned = settings.orientation_cost * targets.orientation_weights[own]
+    weights = np.stack([np.full(len(own), settings.position_cost), turned], axis=1)
+    names = [targets.names[k] for k in own]
+    ik = InverseKinematics(g1, names, np.zeros((len(own), 3)), [weights], damping=settings.damping, lm_damping=1.0)
     ik.aim(targets.positions[0, own], targets.quaternions[0, own])
-    weights = targets.orientation_weights[own]
-    stage = Stage(np.stack([np.full(len(own), settings.position_cost), settings.orientation_cost * weights], axis=1))
-    np.testing.assert_allclose(protomotions.step(ik, stage, q, g1, settings, None), expected, atol=1e-6)
+    np.testing.assert_allclose(protomotions.step(ik, q, g1, settings, None), expected, atol=1e-6)
 
 
 def test_joints_are_within_their_range_and_speed_where_asked(g1, body_map):

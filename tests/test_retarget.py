@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import TEST_DATA
-from retarget_setup import cut, dance, human_of, largest_difference, minks_slopes
+from retarget_setup import cut, dance, human_of, largest_difference, minks_coupling
 from scipy.spatial.transform import Rotation
 
 from gmr_traj.bench.gmr_loop import gmr_loop
@@ -161,7 +161,7 @@ def test_gmr_code_is_gmrs_loop(g1: Robot, lafan1: BodyMap, human: HumanMotion, m
     result = retarget(noisy, g1, lafan1, method="gmr-code")
     assert result.raised == 0.0
     assert largest_difference(g1, plain, result.motion.qpos) < 3e-3  # what its tolerance leaves open
-    monkeypatch.setattr(inverse_kinematics, "turning_slopes", minks_slopes)
+    monkeypatch.setattr(inverse_kinematics, "coupling", minks_coupling)
     assert largest_difference(g1, plain, retarget(noisy, g1, lafan1, method="gmr-code").motion.qpos) < 1e-7
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from retarget_setup import cut, largest_difference, minks_slopes
+from retarget_setup import cut, largest_difference, minks_coupling
 
 from gmr_traj.bench.gmr_loop import gmr_loop
 from gmr_traj.formats.human import read_human
@@ -51,7 +51,7 @@ def test_gmr_code_is_what_gmr_gives(g1: Robot, data_dir: Path, name: str, monkey
     assert difference.max() < 0.02
     apart = np.linalg.norm(placements(g1, found)[0] - placements(g1, expected)[0], axis=2)
     assert (apart.mean(), apart.max()) < (1e-5, 2e-3)
-    monkeypatch.setattr(inverse_kinematics, "turning_slopes", minks_slopes)
+    monkeypatch.setattr(inverse_kinematics, "coupling", minks_coupling)
     found = retarget(human, g1, body_map, method="gmr-code").motion.qpos
     assert largest_difference(g1, expected, found) < 1e-5
 

@@ -9,16 +9,18 @@ from pathlib import Path
 from typing import Any
 
 from gmr_traj.batch.fingerprint import versions
+from gmr_traj.machine_code import compiler
 
 
 def machine() -> dict[str, Any]:
-    """Processor, cores that may be used, memory [GB] and system."""
+    """Processor, cores that may be used, memory [GB], system, and the C compiler that makes machine code, if any."""
     cores = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else range(os.cpu_count() or 1)
     return {
         "processor": _processor(),
         "cores": len(cores),
         "memory_gigabytes": round(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9, 1),
         "system": platform.platform(),
+        "compiler": compiler(),
     }
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gmr_traj import atomic, resources
+from gmr_traj import atomic, machine_code, resources
 from gmr_traj._version import __version__
 from gmr_traj.bench.chart import chart
 from gmr_traj.bench.engine import engines, with_engine
@@ -17,7 +17,7 @@ from gmr_traj.bench.gmr_loop import MINK_IS_MISSING, has_mink
 from gmr_traj.bench.machine import machine, measured_versions
 from gmr_traj.cli import bench_tables, outputs
 from gmr_traj.cli.bench_arguments import GROWTH, Measure
-from gmr_traj.cli.bench_work import Measured
+from gmr_traj.cli.bench_work import FirstUse, Measured
 from gmr_traj.cli.exit_codes import ExitCode
 from gmr_traj.cli.loading import load
 from gmr_traj.cli.terminal import console, progress
@@ -80,6 +80,9 @@ def run(arguments: Bench) -> int:
     wanted, skipped = _wanted(arguments, chosen, clip, human)
     sides = [Measured(arguments, clip, human, what, engine) for what, engine in wanted]
     growth = [Measured(arguments, clip, human, "refine", engine, length) for length in lengths for engine in chosen]
+    if human and machine_code.compiler() is not None:
+        measured(FirstUse(Measured(arguments, clip, human, "retarget")))
+        machine_code.wait()
     with progress(not arguments.quiet) as callback:
         runs, broken = _all(sides + growth, arguments.repeats, callback)
     one_length, other_lengths = (

@@ -65,17 +65,22 @@ class Measured:
         if self.what in ("gmr-loop", "gmr-loop-lean"):
             return self._loop()
         if self.what == "retarget":
-            human, robot, body_map = self._person()
-            return Prepared(partial(self._retarget, human, robot, body_map), Moment.now())
+            human, robot, body_map = self.person()
+            return Prepared(partial(self.retarget, human, robot, body_map), Moment.now())
         return self._refine() if self.what == "refine" else self._end_to_end()
 
-    def _person(self) -> tuple[HumanMotion, Robot, BodyMap]:
+    def person(self) -> tuple[HumanMotion, Robot, BodyMap]:
+        """Read the human motion, and what it is retargeted with.
+
+        Raises:
+            GmrTrajError: it cannot be read, or there is no map for it.
+        """
         robot = load_robot(self.arguments.robot)
         human = self.arguments.read_human(self.clip, self.arguments.fps)
         return human, robot, self.arguments.load_map(human, self.clip, robot)
 
     def _loop(self) -> Prepared:
-        human, robot, body_map = self._person()
+        human, robot, body_map = self.person()
         with about(self.clip):
             targets = scaled_targets(human, body_map)
 
@@ -85,7 +90,8 @@ class Measured:
 
         return Prepared(action, Moment.now())
 
-    def _retarget(self, human: HumanMotion, robot: Robot, body_map: BodyMap) -> Outcome:
+    def retarget(self, human: HumanMotion, robot: Robot, body_map: BodyMap) -> Outcome:
+        """Retarget a human motion."""
         with about(self.clip):
             result = retarget(human, robot, body_map, method=self.arguments.method)
         return Outcome(human.frames, result.steps / human.frames)
@@ -93,7 +99,7 @@ class Measured:
     def _refine(self) -> Prepared:
         problem = self._problem()
         if self.human:
-            human, robot, body_map = self._person()
+            human, robot, body_map = self.person()
             loaded = Moment.now()
             if self.frames is not None:
                 human = human_of_length(human, self.frames)
@@ -134,6 +140,26 @@ class Measured:
 
     def _solve(self, begun: Start, problem: Problem, kinematics: CasadiKinematics) -> Refinement:
         return solve(begun, begun.clip.schedule, self.arguments, problem, kinematics=kinematics)
+
+
+@dataclass(frozen=True)
+class FirstUse:
+    """Gives the C compiler, where there is one, what it has to make for a motion: to be done before all measurements.
+
+    Attributes:
+        measured: the motion's retargeting.
+    """
+
+    measured: Measured
+
+    def prepare(self) -> Prepared:
+        """Load; the action retargets one frame.
+
+        Raises:
+            GmrTrajError: the motion cannot be read or retargeted with these arguments.
+        """
+        human, robot, body_map = self.measured.person()
+        return Prepared(partial(self.measured.retarget, human_of_length(human, 1), robot, body_map), Moment.now())
 
 
 def _outcome(frames: int, refinement: Refinement) -> Outcome:

@@ -9,7 +9,7 @@ import numpy as np
 
 from gmr_traj.references import BodyTargets
 from gmr_traj.retarget.body_map import BodyMap
-from gmr_traj.retarget.inverse_kinematics import InverseKinematics, Stage
+from gmr_traj.retarget.inverse_kinematics import InverseKinematics
 from gmr_traj.retarget.joint_ranges import joint_limits
 from gmr_traj.retarget.options import Options
 from gmr_traj.robot import Robot
@@ -70,7 +70,8 @@ class FrameSolver:
         fps: frames per second [Hz].
         settings: the numbers.
         options: the velocity limit, the callback.
-        value: what is watched for a change: a number of the errors  # (B, 6)  and the stage's costs  # (B, 6).
+        value: what is watched for a change: a number of the bodies' squared errors and the stage's squared costs,
+            (linear, angular).  # (B, 2) each
         ended: whether a stage ends, of the value before a step, the value after it, and the tolerance.
     """
 
@@ -90,10 +91,11 @@ class FrameSolver:
         self.steps = 0
         self.lower, self.upper = joint_limits(robot, body_map.joint_ranges)
         self._options, self._value, self._ended = options, value, ended
+        costs = [body_map.costs(stage) for stage in (1, 2)]
+        self._squared_costs = [np.square(stage) for stage in costs]
         self._ik = InverseKinematics(
-            robot, body_map.bodies, body_map.points, damping=settings.damping, lm_damping=settings.lm_damping
+            robot, body_map.bodies, body_map.points, costs, damping=settings.damping, lm_damping=settings.lm_damping
         )
-        self._stages = tuple(Stage(body_map.costs(stage)) for stage in (1, 2))
         factor = options.velocity_limit
         self._reach = None if factor is None else factor * robot.velocity_limit / fps
         self._step_lower = np.full(robot.model.nv, -_UNBOUNDED)
@@ -110,16 +112,17 @@ class FrameSolver:
         Raises:
             SolverError: a quadratic program was not solved.
         """
-        self._ik.aim(self.targets.positions[t], self.targets.quaternions[t])
-        placement = self._ik.place(q)
-        for stage in self._stages:
-            value = self._value(placement.errors.e, stage.costs)
+        ik = self._ik
+        ik.aim(self.targets.positions[t], self.targets.quaternions[t])
+        ik.place(q)
+        for stage, costs in enumerate(self._squared_costs):
+            value = self._value(ik.squares, costs)
             for _ in range(self.settings.max_steps):
                 self._bound(q, last)
-                q = self._ik.step(q, placement, stage, self._step_lower, self._step_upper)
+                q = ik.step(stage, self._step_lower, self._step_upper)
                 self.steps += 1
-                placement = self._ik.place(q)
-                before, value = value, self._value(placement.errors.e, stage.costs)
+                ik.place(q)
+                before, value = value, self._value(ik.squares, costs)
                 if self._ended(before, value, self.settings.tolerance):
                     break
         return q
@@ -143,11 +146,14 @@ class FrameSolver:
 
     def _bound(self, q: np.ndarray, last: np.ndarray | None) -> None:
         """Bounds of the joints' next step, from the configuration q."""
-        gain, joints = self.settings.limit_gain, q[7:]
-        lower, upper = gain * (self.lower - joints), gain * (self.upper - joints)
+        gain, joints, lower, upper = self.settings.limit_gain, q[7:], self._step_lower[6:], self._step_upper[6:]
+        np.subtract(self.lower, joints, out=lower)
+        np.subtract(self.upper, joints, out=upper)
+        if gain != 1.0:
+            lower *= gain
+            upper *= gain
         if last is not None and self._reach is not None:
             moved = joints - last[7:]
             # The first step of a frame starts at the last frame, so zero is within: the bounds never contradict.
-            lower = np.maximum(lower, np.minimum(-self._reach - moved, 0.0))
-            upper = np.minimum(upper, np.maximum(self._reach - moved, 0.0))
-        self._step_lower[6:], self._step_upper[6:] = lower, upper
+            np.maximum(lower, np.minimum(-self._reach - moved, 0.0), out=lower)
+            np.minimum(upper, np.maximum(self._reach - moved, 0.0), out=upper)

@@ -73,10 +73,9 @@ def start(solver: FrameSolver, body_map: BodyMap) -> np.ndarray:
     return np.concatenate([solver.targets.positions[0, root], yaw, joints])
 
 
-def weighted_value(errors: np.ndarray, costs: np.ndarray) -> float:
+def weighted_value(squares: np.ndarray, squared_costs: np.ndarray) -> float:
     """V, the sum of the squared weighted errors."""
-    weighted = errors * costs
-    return float((weighted * weighted).sum())
+    return float(np.vdot(squares, squared_costs))
 
 
 def _no_longer_changes(before: float, after: float, tolerance: float) -> bool:

@@ -4,15 +4,18 @@
     subject to  lower <= dq <= upper
 
 with the stacked errors e (6 a body, see ``frame_error``), their Jacobian J and the costs W on the diagonal: the same
-program as mink's ``solve_ik`` with a ``FrameTask`` a body, to rounding.  What makes it fast is that all bodies share
-one matrix of joint axes, and that one evaluation serves both the step and the test whether to go on.
+program as mink's ``solve_ik`` with a ``FrameTask`` a body, to rounding.
+
+A step takes tens of microseconds, and what costs is not arithmetic but the number of calls.  So MuJoCo places the
+bodies, one CasADi function makes all errors and another the whole objective, from and to memory that stays where it
+is and as machine code where there is a compiler.  One evaluation of the errors serves both the step and the test
+whether to go on.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from ctypes import c_int
-from typing import NamedTuple
 
 import daqp
 import mujoco
@@ -20,40 +23,11 @@ import numpy as np
 
 from gmr_traj.exceptions import SolverError
 from gmr_traj.kinematics.mujoco_kinematics import body_id
-from gmr_traj.retarget.frame_error import Twists, cross_matrix, relative_to, turning_slopes, twists
+from gmr_traj.machine_code import compiled
+from gmr_traj.retarget.error_functions import Call, body_errors
+from gmr_traj.retarget.frame_error import coupling
+from gmr_traj.retarget.objective_function import Tree, objective
 from gmr_traj.robot import Robot
-
-
-class Stage:
-    """Costs of one stage, in the form the steps need.
-
-    Args:
-        costs: (position, orientation) cost of every body.  # (B, 2)
-
-    Attributes:
-        costs: one a component of the errors.  # (B, 6)
-        rows: which components of all bodies' errors weigh anything.  # (N,)
-        column: their costs.  # (N, 1)
-        bodies: whose they are.  # (N,)
-    """
-
-    def __init__(self, costs: np.ndarray) -> None:
-        self.costs = np.repeat(np.asarray(costs, dtype=float), 3, axis=1)
-        self.rows = np.flatnonzero(self.costs)
-        self.column = self.costs.ravel()[self.rows][:, None]
-        self.bodies = self.rows // 6
-
-
-class Placement(NamedTuple):
-    """Where the bodies are at one configuration, and how far from their targets.
-
-    Attributes:
-        rotations: of the bodies.  # (B, 3, 3)
-        errors: how far they are from the targets.
-    """
-
-    rotations: np.ndarray
-    errors: Twists
 
 
 class InverseKinematics:
@@ -63,88 +37,113 @@ class InverseKinematics:
         robot: the robot.
         bodies: names of the bodies.  # B
         points: the point of each body that is meant, in its frame [m].  # (B, 3)
+        stages: (position, orientation) cost of every body, once for each kind of step.  # (B, 2) each
         damping: of the step, in units of cost^2.
         lm_damping: the same for each unit of the squared weighted errors: far targets are approached carefully.
+
+    Attributes:
+        errors: of the bodies at the configuration placed last, in the world's axes, linear part first.  # (B, 6)
+        squares: their squared linear [m^2] and angular [rad^2] lengths.  # (B, 2)
 
     Raises:
         RobotError: the robot has no such body.
     """
 
     def __init__(
-        self, robot: Robot, bodies: Sequence[str], points: np.ndarray, *, damping: float, lm_damping: float
+        self,
+        robot: Robot,
+        bodies: Sequence[str],
+        points: np.ndarray,
+        stages: Sequence[np.ndarray],
+        *,
+        damping: float,
+        lm_damping: float,
     ) -> None:
         self.model = robot.model
-        self.damping, self.lm_damping = damping, lm_damping
         self._data = mujoco.MjData(self.model)
         # Views of MuJoCo's arrays, which stay where they are.
-        self._xmat, self._xpos, self._xquat = self._data.xmat, self._data.xpos, self._data.xquat
-        self._axes, self._centre, self._qpos = self._data.cdof, self._data.subtree_com[1], self._data.qpos
+        self._qpos, self._xpos, self._xquat = self._data.qpos, self._data.xpos, self._data.xquat
+        count, nv = len(bodies), self.model.nv
         self._ids = np.array([body_id(robot, body) for body in bodies])
-        self._points = np.asarray(points, dtype=float)[:, :, None] if np.any(points) else None
-        # Which components of the tangent move which body: (B, nv)
-        self._moves = np.zeros((len(bodies), self.model.nv))
-        for b, body in enumerate(self._ids):
-            while body:
-                first = self.model.body_dofadr[body]
-                self._moves[b, first : first + self.model.body_dofnum[body]] = 1.0
-                body = self.model.body_parentid[body]
-        self._nothing = np.zeros((0, self.model.nv))
-        self._sense = np.zeros(self.model.nv, dtype=c_int)
-        self.aim(np.zeros((len(bodies), 3)), np.tile([1.0, 0.0, 0.0, 0.0], (len(bodies), 1)))
+        self._at, self._turned, own = np.zeros((count, 3)), np.zeros((count, 4)), np.array(points, dtype=float)
+        self._position, self._quaternion = np.zeros((count, 3)), np.zeros((count, 4))
+        self.errors, self.squares, rest = np.zeros((count, 6)), np.zeros((count, 2)), np.zeros((count, 5))
+        self._evaluate = Call(
+            compiled(body_errors(bool(own.any()), count)),
+            [self._at, self._turned, own, self._position, self._quaternion],
+            [self.errors, rest, self.squares],
+        )
+        self._H, self._gradient = np.zeros((nv, nv)), np.zeros(nv)
+        tree = Tree(tuple(self.model.dof_parentid.tolist()), tuple(self._last(body) for body in self._ids.tolist()))
+        places = [self.errors, rest, self.squares, self._data.subtree_com[1], self._data.cdof]
+        inputs = [*places, np.array([damping, lm_damping])]
+        self._objectives = []
+        for costs in stages:
+            of_stage = tuple(map(tuple, np.asarray(costs, dtype=float).tolist()))
+            function = objective(tree, of_stage, coupling)
+            self._objectives.append(Call(compiled(function), inputs, [self._H, self._gradient]))
+        self._nothing, self._sense = np.zeros((0, nv)), np.zeros(nv, dtype=c_int)
+        self._q = np.zeros(self.model.nq)
+
+    def _last(self, body: int) -> int:
+        """The component of the tangent that moves a body and nothing between it and the body."""
+        while not self.model.body_dofnum[body]:
+            body = int(self.model.body_parentid[body])
+        return int(self.model.body_dofadr[body] + self.model.body_dofnum[body] - 1)
 
     def aim(self, positions: np.ndarray, quaternions: np.ndarray) -> None:
         """Set the targets: positions of the points [m]  # (B, 3), unit quaternions wxyz  # (B, 4)."""
-        self._position, self._relative = positions, relative_to(quaternions)
+        self._position[:], self._quaternion[:] = positions, quaternions
 
-    def place(self, q: np.ndarray) -> Placement:
-        """Evaluate the kinematics at a configuration.  # (nq,)"""
+    def place(self, q: np.ndarray) -> None:
+        """Evaluate the errors at a configuration.  # (nq,)"""
+        self._q = q
         self._qpos[:] = q
         mujoco.mj_kinematics(self.model, self._data)
-        rotations = self._xmat[self._ids].reshape(-1, 3, 3)
-        positions = self._xpos[self._ids]
-        if self._points is not None:
-            positions = positions + np.matmul(rotations, self._points)[:, :, 0]
-        way = np.matmul(self._relative, self._xquat[self._ids][:, :, None])[:, :, 0]
-        d = np.matmul((self._position - positions)[:, None, :], rotations)[:, 0]
-        return Placement(rotations, twists(way, d))
+        self._xpos.take(self._ids, 0, self._at)
+        self._xquat.take(self._ids, 0, self._turned)
+        self._evaluate()
 
-    def objective(self, placement: Placement, stage: Stage) -> tuple[np.ndarray, np.ndarray]:
-        """Hessian  # (nv, nv) and gradient  # (nv,) of the program at the configuration placed last."""
-        mujoco.mj_comPos(self.model, self._data)
-        # MuJoCo's axes are (o, v) of a point that goes along with the body at the robot's centre of mass c, so that a
-        # body at p has R' (v + o x (p - c)) and R' o in its own axes.  With M = A R' and D as in `frame_error`,
-        # A [d] R' = M [p_t - p], and the rows of J are (M [p_t - c] - D M, -M) and (-M, 0) times the axes.
-        M = np.matmul(placement.errors.A, placement.rotations.transpose(0, 2, 1))
-        rows = np.zeros((len(M), 6, 6))
-        rows[:, :3, :3] = np.matmul(M, cross_matrix(self._position - self._centre))
-        rows[:, :3, :3] -= np.matmul(turning_slopes(placement.errors), M)
-        rows[:, :3, 3:] = rows[:, 3:, :3] = -M
-        weighted = (stage.column * rows.reshape(-1, 6)[stage.rows]) @ self._axes.T
-        weighted *= self._moves[stage.bodies]
-        error = stage.column[:, 0] * placement.errors.e.ravel()[stage.rows]
-        H = weighted.T @ weighted
-        H.flat[:: len(H) + 1] += self.damping + self.lm_damping * float(error @ error)
-        return H, error @ weighted
+    def objective(self, stage: int) -> tuple[np.ndarray, np.ndarray]:
+        """Hessian  # (nv, nv) and gradient  # (nv,) of the program at the configuration placed last.
 
-    def step(
-        self, q: np.ndarray, placement: Placement, stage: Stage, lower: np.ndarray, upper: np.ndarray
-    ) -> np.ndarray:
-        """The configuration after one step.
+        They stay what they are until the next call.
 
         Args:
-            q: configuration.  # (nq,)
-            placement: what ``place(q)`` returned, the last call of it.
-            stage: the costs.
+            stage: which of the stages' costs.
+        """
+        mujoco.mj_comPos(self.model, self._data)
+        self._objectives[stage]()
+        return self._H, self._gradient
+
+    def step(self, stage: int, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
+        """The configuration one step after the one placed last.
+
+        Args:
+            stage: which of the stages' costs.
             lower: lower bounds of the step.  # (nv,)
             upper: its upper bounds.  # (nv,)
 
         Raises:
             SolverError: the quadratic program has no solution, as when the bounds contradict each other.
         """
-        H, gradient = self.objective(placement, stage)
+        return self.moved(*self.objective(stage), lower, upper)
+
+    def moved(self, H: np.ndarray, gradient: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
+        """The configuration that the minimum of ``1/2 dq' H dq + gradient' dq`` leads to from the one placed last.
+
+        Args:
+            H: positive definite.  # (nv, nv)
+            gradient: likewise.  # (nv,)
+            lower: lower bounds of dq.  # (nv,)
+            upper: its upper bounds.  # (nv,)
+
+        Raises:
+            SolverError: the quadratic program has no solution, as when the bounds contradict each other.
+        """
         dq, _, flag, _ = daqp.solve(H, gradient, self._nothing, upper, lower, self._sense)
         if flag <= 0:
             raise SolverError(f"the quadratic program of an inverse kinematics step was not solved (daqp: {flag})")
-        out = q.copy()
+        out = self._q.copy()
         mujoco.mj_integratePos(self.model, out, dq, 1.0)
         return out

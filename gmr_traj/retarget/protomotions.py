@@ -15,21 +15,17 @@ ProtoMotions: Tessler et al., github.com/NVlabs/ProtoMotions; it used mink, whos
 
 from __future__ import annotations
 
-from ctypes import c_int
 from dataclasses import dataclass, replace
 from typing import Literal
 
-import daqp
-import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gmr_traj.exceptions import SolverError
 from gmr_traj.human_motion import HumanMotion
 from gmr_traj.kinematics.mujoco_kinematics import placements
 from gmr_traj.references import BodyTargets
 from gmr_traj.retarget.body_map import BodyMap
-from gmr_traj.retarget.inverse_kinematics import InverseKinematics, Stage
+from gmr_traj.retarget.inverse_kinematics import InverseKinematics
 from gmr_traj.retarget.landmarks import LandmarkPoint, Landmarks, match, read_points, read_settings, thinned
 from gmr_traj.retarget.options import Options, Solved
 from gmr_traj.retarget.targets import check
@@ -170,9 +166,8 @@ def _frames(
         [settings.position_cost * targets.position_weights, settings.orientation_cost * targets.orientation_weights],
         axis=1,
     )
-    stage = Stage(costs)
     ik = InverseKinematics(
-        robot, targets.names, targets.points, damping=settings.damping, lm_damping=settings.lm_damping
+        robot, targets.names, targets.points, [costs], damping=settings.damping, lm_damping=settings.lm_damping
     )
     factor, solves = options.velocity_limit, settings.solves_per_frame
     reach = None if factor is None else factor * robot.velocity_limit / (fps * solves)
@@ -186,7 +181,7 @@ def _frames(
         ik.aim(targets.positions[t], targets.quaternions[t])
         for _ in range(solves):
             # The first frames may move as fast as they must: there is no frame before them.
-            q = step(ik, stage, q, robot, settings, reach if k > 0 else None)
+            q = step(ik, q, robot, settings, reach if k > 0 else None)
         if k >= 0:
             out[k] = q
             if options.progress is not None and (k % _REPORT_EVERY == 0 or k == targets.frames - 1):
@@ -196,14 +191,14 @@ def _frames(
 
 def step(
     ik: InverseKinematics,
-    stage: Stage,
     q: np.ndarray,
     robot: Robot,
     settings: ProtoMotionsSettings,
     reach: np.ndarray | None,
 ) -> np.ndarray:
     """The configuration after one step."""
-    H, gradient = ik.objective(ik.place(q), stage)
+    ik.place(q)
+    H, gradient = ik.objective(0)
     joints, cost = q[7:], settings.posture_cost**2
     H.flat[6 * (len(H) + 1) :: len(H) + 1] += cost
     gradient[6:] += cost * joints
@@ -212,10 +207,4 @@ def step(
     upper[6:] = settings.limit_gain * (robot.position_upper - joints)
     if reach is not None:
         lower[6:], upper[6:] = np.maximum(lower[6:], -reach), np.minimum(upper[6:], reach)
-    nothing, sense = np.zeros((0, len(gradient))), np.zeros(len(gradient), dtype=c_int)
-    dq, _, flag, _ = daqp.solve(H, gradient, nothing, upper, lower, sense)
-    if flag <= 0:
-        raise SolverError(f"the quadratic program of an inverse kinematics step was not solved (daqp: {flag})")
-    out = q.copy()
-    mujoco.mj_integratePos(robot.model, out, dq, 1.0)
-    return out
+    return ik.moved(H, gradient, lower, upper)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from gmr_traj.exceptions import MapError
 from gmr_traj.human_motion import HumanMotion
+from gmr_traj.quaternions import product, rotated
 from gmr_traj.references import BodyTargets
 from gmr_traj.retarget.body_map import BodyMap
 
@@ -34,21 +34,21 @@ def scaled_targets(human: HumanMotion, body_map: BodyMap, *, height: float | Non
     ratio = (human.height if height is None else height) / body_map.human_height
     root = human.positions[:, human.index(body_map.root)]
     root_scale = body_map.root_target.scale
-    positions, quaternions = [], []
-    for target in body_map.targets:
-        local = human.positions[:, human.index(target.joint)] - root
-        turned = human.quaternions[:, human.index(target.orientation_joint)]
-        rotation = Rotation.from_quat(turned, scalar_first=True) * Rotation.from_quat(
-            target.rotation_offset, scalar_first=True
-        )
-        position = ratio * (target.scale * local + root_scale * root)
-        positions.append(position + rotation.apply(target.position_offset))
-        quaternions.append(rotation.as_quat(scalar_first=True))
+    targets = body_map.targets
+    joints = human.positions[:, [human.index(target.joint) for target in targets]]
+    turned = human.quaternions[:, [human.index(target.orientation_joint) for target in targets]]
+    # Components first, then bodies or frames and bodies.
+    quaternions = product(np.moveaxis(turned, -1, 0), np.stack([target.rotation_offset for target in targets], axis=1))
+    scales = np.array([target.scale for target in targets])
+    positions = ratio * (scales[:, None] * (joints - root[:, None]) + root_scale * root[:, None])
+    offsets = np.stack([target.position_offset for target in targets], axis=1)
+    if offsets.any():
+        positions += np.moveaxis(rotated(quaternions, offsets[:, None]), 0, -1)
     costs = body_map.costs(2)
     return BodyTargets(
         names=body_map.bodies,
-        positions=np.stack(positions, axis=1),
-        quaternions=np.stack(quaternions, axis=1),
+        positions=positions,
+        quaternions=np.ascontiguousarray(np.moveaxis(quaternions, 0, -1)),
         position_weights=_relative(costs[:, 0]),
         orientation_weights=_relative(costs[:, 1]),
         points=body_map.points,

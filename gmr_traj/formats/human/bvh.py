@@ -6,13 +6,13 @@ End Sites are no joints: they have no orientation, and no map refers to them.
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from gmr_traj.formats.human import bvh_file
 from gmr_traj.formats.human.bvh_file import BvhFile
 from gmr_traj.formats.human.frame_rate import frame_rate
 from gmr_traj.formats.human.kinematics import world_placements
 from gmr_traj.formats.human.raw import RawHuman
+from gmr_traj.quaternions import from_euler
 
 
 def read(data: bytes) -> RawHuman:
@@ -59,7 +59,6 @@ def local_placements(content: BvhFile) -> tuple[np.ndarray, np.ndarray]:
             found[0].append(j)
             found[1].append(columns)
     for order, (turned, of_order) in orders.items():  # one call for all joints that share an order
-        angles = content.values[:, of_order].reshape(-1, len(order))
-        quaternions = Rotation.from_euler(order, angles, degrees=True).as_quat(scalar_first=True)
-        rotations[:, turned] = quaternions.reshape(frames, len(turned), 4)
+        angles = np.radians(content.values.T[np.transpose(of_order)])  # (axes, joints, T)
+        rotations[:, turned] = from_euler(order, list(angles)).transpose(2, 1, 0)
     return translations, rotations

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+
+from gmr_traj.quaternions import product, rotated
 
 
 def world_placements(
@@ -23,16 +24,14 @@ def world_placements(
     Returns:
         Positions and unit quaternions wxyz, in the world.  # (T, J, 3), (T, J, 4)
     """
-    shape = rotations.shape[:2]
-    translations = np.array(np.broadcast_to(translations, (*shape, 3)))
-    positions = np.empty((*shape, 3))
-    turned: list[Rotation] = []
+    local = np.ascontiguousarray(rotations.transpose(1, 2, 0))  # (J, 4, T)
+    local /= np.linalg.norm(local, axis=1, keepdims=True)
+    offsets = np.broadcast_to(translations, (*rotations.shape[:2], 3)).transpose(1, 2, 0)  # (J, 3, T)
+    positions, quaternions = np.empty(offsets.shape), np.empty(local.shape)
     for j, parent in enumerate(parents):
-        turn = Rotation.from_quat(rotations[:, j], scalar_first=True)
         if parent < 0:
-            positions[:, j] = translations[:, j]
-            turned.append(turn)
+            positions[j], quaternions[j] = offsets[j], local[j]
         else:
-            positions[:, j] = positions[:, parent] + turned[parent].apply(translations[:, j])
-            turned.append(turned[parent] * turn)
-    return positions, np.stack([turn.as_quat(scalar_first=True) for turn in turned], axis=1)
+            positions[j] = positions[parent] + rotated(quaternions[parent], offsets[j])
+            quaternions[j] = product(quaternions[parent], local[j])
+    return np.ascontiguousarray(positions.transpose(2, 0, 1)), np.ascontiguousarray(quaternions.transpose(2, 0, 1))
