@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import sys
-import tomllib
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
@@ -15,6 +14,7 @@ from gmr_traj.attempts import Attempt
 from gmr_traj.band.settings import Settings
 from gmr_traj.engines import ENGINES
 from gmr_traj.exceptions import ProblemError
+from gmr_traj.problem_base import problem_values
 from gmr_traj.solver import refused_options
 from gmr_traj.terms import TERMS
 from gmr_traj.terms.term import Term
@@ -56,19 +56,15 @@ class Problem:
 
 
 def load_problem(name_or_path: str | Path = "refine") -> Problem:
-    """Read ``problems/<name>.toml`` or a file of the user's own.
+    """Read ``problems/<name>.toml`` or a file of the user's own, what it takes from its ``base`` filled in.
 
     Raises:
         ResourceError: there is no such problem; the message lists those that exist.
-        ProblemError: the file is not TOML, names an unknown term, use or field, a value out of range, no strategy, or
-            an option that Ipopt does not take.
+        ProblemError: the file or its base is not TOML, names an unknown term, use or field, a value out of range, no
+            strategy, or an option that Ipopt does not take.
     """
     path = resources.find("problems", str(name_or_path))
-    try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ProblemError(f"{path}: this is not TOML: {error}") from None
-    table = Table(path, "", content, ProblemError)
+    table = Table(path, "", problem_values(path), ProblemError)
     name = table.text("name")
     table.text("description", "")
     passes = table.get("passes", 3, required=False)

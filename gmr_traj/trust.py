@@ -17,7 +17,7 @@ REACH = 0.08
 # Frames at either end that a fault separates from the rest are part of the fault if there are at most this many [s].
 END = 0.25
 # Trust left to frames that are known to be wrong: enough to keep the problem well posed.
-NONE = 1e-2
+NONE = 1e-4
 
 
 def trust(motion: RobotMotion) -> np.ndarray:

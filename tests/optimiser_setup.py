@@ -139,5 +139,5 @@ def built_parts(robot: Robot, motion: RobotMotion) -> tuple[Variables, list[Used
     schedule = replace(feet, stances=tuple(stance for stance in feet.stances if stance.sole == "left"))
     context = context_of(robot, motion, schedule=schedule, trust=np.linspace(0.2, 1, count))
     variables = Variables(count, 6 + robot.dof)
-    problem = load_problem("refine_physical")
+    problem = load_problem("refine")
     return variables, [Used(r, item.use) for item in problem.terms for r in item.term.residuals(context, variables)]

@@ -88,6 +88,19 @@ def test_stances_far_apart_are_not_joined(apart: float, joined: bool) -> None:
     resting[:8] = resting[12:] = True
     points = np.zeros((20, 1, 3))
     points[10:, 0, 0] = apart
-    standing = Standing(resting, points, points[..., 2], [[0]], 0.1)
+    standing = Standing(resting, points, points[..., 2], np.zeros((20, 1)), [[0]], 0.1)
     assert standing.add([0], 8, 12) is joined
     assert resting[8:12].all() == joined
+
+
+@pytest.mark.parametrize(("turn", "stand"), [(0.2, 2), (0.8, 1)])
+def test_a_foot_that_turns_stands_on_the_point_it_turns_about(turn: float, stand: int) -> None:
+    frames = np.linspace(0.0, turn, 20)
+    points = np.zeros((20, 2, 3))
+    points[:, 1, :2] = 0.05 * np.column_stack([np.cos(frames), np.sin(frames)])
+    resting = np.zeros((20, 2), bool)
+    resting[:8] = True
+    standing = Standing(resting, points, points[..., 2], np.repeat(frames[:, None], 2, axis=1), [[0, 1]], 0.1)
+    assert standing.add([0, 1], 8, 20)
+    np.testing.assert_array_equal(resting[8:, 0], True)  # the point that does not move
+    assert resting[-1].sum() == stand

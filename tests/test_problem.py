@@ -88,7 +88,7 @@ def test_passes_and_options_may_be_left_out(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        (TEXT, "name = = 3", "this is not TOML"),
+        (TEXT, "name = = 3", "is not valid TOML"),
         (TEXT, "", "has no 'name'"),
         ('name = "mine"', "name = 3", "name is 3; expected a text"),
         ("passes = 2", "passes = 2.0", "passes is 2.0; expected a whole number from 1 to 20"),
@@ -174,7 +174,7 @@ def test_terms_that_are_no_tables(tmp_path: Path) -> None:
 def test_a_file_that_is_no_text(tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
     path.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(ProblemError, match="this is not TOML"):
+    with pytest.raises(ProblemError, match="is not valid TOML"):
         load_problem(path)
 
 

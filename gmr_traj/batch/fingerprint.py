@@ -11,6 +11,7 @@ from pathlib import Path
 
 from gmr_traj import resources
 from gmr_traj._version import __version__
+from gmr_traj.problem_base import problem_files
 from gmr_traj.robot_toml import read_robot_toml
 
 # The packages whose arithmetic is in the results.
@@ -50,10 +51,13 @@ def resource_hashes(
     Raises:
         ResourceError: one of them does not exist.
         RobotError: the robot.toml names no model.
+        ProblemError: a problem file cannot be read.
     """
     files = {f"robot/{path.name}": path for path in _robot_files(robot)}
     if "refine" in steps:
-        files["problem"] = resources.find("problems", problem)
+        own, *bases = problem_files(resources.find("problems", problem))
+        files["problem"] = own
+        files.update({f"problem/{base.name}": base for base in bases})
     for name in resources.names("configs"):
         if _counts(name, tuple(steps), human):
             files[f"configs/{name}"] = resources.find("configs", name)

@@ -57,7 +57,7 @@ class PhysicsChange:
         """What has become worse, a sentence each, with what to try."""
         return tuple(
             f"{figure.name}: {figure.after:.3g} {figure.unit}, the input has {figure.before:.3g}; look at its contact "
-            "schedule (--save-contacts), which says where forces can be, or try --problem refine_physical or refine"
+            "schedule (--save-contacts), which says where forces can be, or try --problem refine_kinematic"
             for figure in self.figures
             if figure.worse
         )
