@@ -47,6 +47,10 @@ class PolicyError(GmrTrajError):
     """A tracking policy cannot be run: its file, its shapes or its metadata are not what they should be."""
 
 
+class RolloutError(GmrTrajError):
+    """Rollouts cannot be run to their end here: a process that computes them was killed."""
+
+
 class BatchError(GmrTrajError):
     """A batch cannot be run: its inputs, its settings, its folder or its cluster are not what they should be."""
 

@@ -26,6 +26,9 @@ class Toy:
     what: str
     versions: Mapping[str, str] = field(default_factory=dict)
 
+    def prepare(self) -> None:
+        pass
+
     def carry_out(self, folder: Path) -> Result:
         with self.path.open("a") as stream:
             stream.write(f"{os.getpid()}\n")

@@ -97,6 +97,23 @@ def test_a_batch_is_what_refine_makes_of_each_clip_and_goes_on_where_it_stopped(
     assert report["clips"][0]["clip"] == "broken" and report["clips"][1]["before"]["frames"] == 24
 
 
+def test_leads_are_those_of_refine_and_decide_the_result(data, capsys):
+    command = ["batch", "a", "--out", "out", "--jobs", "1", "--lead-in", "0.8"]
+    assert main([*command, "--rerun", "all"]) in (ExitCode.OK, ExitCode.BROKEN_PROMISE), capsys.readouterr()
+    main(["refine", "a/punch.npz", "--lead-in", "0.8", "--output", "alone.npz", "--quiet"])
+    report, done = json.loads(Path("alone.npz.report.json").read_text()), record(data / "out", "punch")
+    assert (data / "out" / "punch.npz").read_bytes() == Path("alone.npz").read_bytes()
+    assert all(done[key] == report[key] for key in ("certificate", "solver", "contacts", "notes", "lead", "physics"))
+    assert done["lead"]["in"]["frames"] == 24 and done["lead"]["out"] is None and done["options"]["lead_in"] == 0.8
+    assert (data / "out" / "punch.rrd").stat().st_size > 10**4
+    capsys.readouterr()
+    assert main(command) in (ExitCode.OK, ExitCode.BROKEN_PROMISE)
+    assert "1 done before, 0 to do" in capsys.readouterr().err
+    assert main([*command[:-1], "0.05"]) == ExitCode.CLIP_FAILED
+    assert "1 to do (1 lead_in changed)" in capsys.readouterr().err
+    assert "--lead-in 0.05 s is too short" in record(data / "out", "punch")["reason"]
+
+
 @pytest.mark.slow
 def test_all_steps_for_a_human_motion(data, g1, capsys):
     shutil.copy(EXAMPLES / "kick.txt", data)
@@ -168,6 +185,8 @@ def test_a_batch_of_both_gives_each_its_own_options(tmp_path):
         (["a", "--robot", "r2d2"], "r2d2: no such file"),
         (["a", "--problem", "peace"], "peace: no such file"),
         (["a", "--height", "1.8"], "--height is about human motion"),
+        (["a", "--lead-in", "0"], "--lead-in is 0; expected seconds"),
+        (["a", "--steps", "verify", "--lead-out", "1"], "--lead-in and --lead-out are of the step refine"),
         (["a", "--jobs", "0"], "--jobs is at least 1"),
         (["a", "--time-limit", "0"], "the time limit is 0 s"),
         (["a", "--memory-limit", "-1"], "the memory limit is"),

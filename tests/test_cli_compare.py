@@ -52,7 +52,10 @@ def test_json_and_markdown(clips, tmp_path, capsys):
 def test_verification_adds_an_audit_and_rollouts(clips, capsys):
     command = ["compare", *map(str, clips), "--seconds", "0", "0.3", "--verify"]
     assert main([*command, "--json"]) == 0
-    values = {metric["key"]: metric["values"] for metric in json.loads(capsys.readouterr().out)["metrics"]}
+    metrics = json.loads(capsys.readouterr().out)["metrics"]
+    values = {metric["key"]: metric["values"] for metric in metrics}
+    success = next(metric for metric in metrics if metric["key"] == "rollout_success")
+    assert success["where"]["good"] == "mpc A", "which preset it was"
     assert values["infeasible_share"]["good"] == 0.0 and values["infeasible_share"]["sunk|"] == 100.0
     assert values["rollout_success"]["good"] == 100.0 and values["g_mpbpe"]["good"] < 30.0
     assert values["tracked_source"]["good"] is None, "without a person"
@@ -158,3 +161,21 @@ def test_phc_sinks_into_the_floor_on_a_long_dance(data_dir, g1, capsys):
     compared = compare([Entrant("PHC", clip.motion)], g1, seconds=(0.0, 118.0))
     depth = next(row for row in compared.rows if row.metric.key == "penetration_max").measures[0]
     assert depth.value is not None and depth.value > 300.0 and "ankle" in depth.where
+
+
+@pytest.mark.slow
+def test_trackers_are_held_against_the_person_too(data_dir, capsys):
+    """GMR's and Unitree's retarget of the same seconds: what follows each, against each and against the person."""
+    name = "dance1_subject1"
+    files = [data_dir / "gmr_reference" / f"{name}.npz", data_dir / "lafan1_unitree_csv" / f"{name}.csv"]
+    bvh = data_dir / "lafan1_bvh" / f"{name}.bvh"
+    if not all(path.is_file() for path in (*files, bvh)):
+        pytest.skip(f"no {name} in {data_dir}")
+    command = ["compare", *map(str, files), "--source", str(bvh), "--seconds", "0", "3", "--verify", "--json"]
+    assert main([*command, "--names", "GMR", "Unitree"]) == 0
+    values = {metric["key"]: metric["values"] for metric in json.loads(capsys.readouterr().out)["metrics"]}
+    assert set(values["rollout_success"].values()) == {100.0}
+    for clip in ("GMR", "Unitree"):
+        # Centimetres from the clip it follows, decimetres from a person of other proportions, as the clip itself.
+        assert values["g_mpbpe"][clip] < 50.0 < values["tracked_source"][clip] < 200.0
+        assert values["tracked_source"][clip] == pytest.approx(values["position_mean"][clip], abs=40.0)

@@ -62,6 +62,8 @@ def test_json(clips, tmp_path, capsys):
         (["--start-frame", "500"], "has 101 frames; a rollout cannot begin at frame 500"),
         (["--conditions"], "--conditions needs at least one name or file"),
         (["--conditions", "storm"], "storm: no such file, and no config of that name"),
+        (["--conditions", "sim", "sim"], "--conditions: two are called 'sim'"),
+        (["--save", ".", "--controller", "none"], "--controller none makes none"),
         (["--save", "no/such/folder"], "there is no such folder"),
         (["--rerun", "out.rrd", "--controller", "none"], "--rerun shows one clip and its rollouts"),
         (["--rerun", "out.mp4"], "out.mp4: a recording ends in .rrd"),
@@ -116,6 +118,42 @@ def test_rollouts_in_table_and_json(clips, tmp_path, capsys):
         ("sim", 0, 1), ("sim", 3, 1), ("sim-dr", 0, 2), ("sim-dr", 3, 2),
     ]  # fmt: skip
     assert all(r["success"] == 1.0 and r["g_mpbpe"] > 0.0 for r in rollouts)
+
+
+def test_clips_of_one_name_are_told_apart_and_one_given_twice_is_one(tmp_path, g1, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for folder in ("a", "b", "out"):
+        (tmp_path / folder).mkdir()
+    save(tmp_path / "a" / "still.npz", standing(g1))
+    save(tmp_path / "b" / "still.npz", standing(g1))
+    command = ["verify", "a", "b", "a/still.npz", "--controller", "pd", "--seconds", "0", "0.1", "--workers", "1"]
+    assert main([*command, "--save", "out", "--start-frame", "0,0"]) == ExitCode.OK
+    names = [f"{folder}_still_npz_sim_frame0_trial0.npz" for folder in "ab"]
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == names
+    assert "a/still.npz" in capsys.readouterr().out
+    # Said before the rollouts, which may take minutes.
+    monkeypatch.setattr("gmr_traj.cli.verify.run_jobs", lambda *_: pytest.fail("rolled out"))
+    assert main([*command, "--save", "out"]) == ExitCode.BAD_INPUT
+    assert capsys.readouterr().err.count("this file exists; overwrite it with --force") == 2
+
+
+def test_json_says_what_the_rollouts_depend_on(clips, capsys):
+    command = ["verify", str(clips[0]), "--controller", "pd", "--seconds", "0", "0.2", "--workers", "1", "--seed", "4"]
+    assert main([*command, "--json"]) == ExitCode.OK
+    report = json.loads(capsys.readouterr().out)
+    assert (report["controller"], report["preset"], report["policy"], report["seed"]) == ("pd", None, None, 4)
+    assert report["gmr_traj"] and report["mujoco"]
+
+
+@pytest.mark.parametrize("conditions", ["sim", "sim-dr"])
+def test_one_worker_and_two_print_the_same(clips, capsys, conditions):
+    """Two workers: two threads of one rollout where there is one, two processes where there are two."""
+    command = ["verify", str(clips[0]), "--preset", "A", "--seconds", "0", "0.3", "--conditions", conditions]
+    printed = []
+    for workers in ("1", "2"):
+        assert main([*command, "--trials", "2", "--json", "--workers", workers]) == ExitCode.OK
+        printed.append(capsys.readouterr().out)
+    assert printed[0] == printed[1]
 
 
 def test_a_recording_of_the_rollouts(clips, tmp_path, capsys, monkeypatch):

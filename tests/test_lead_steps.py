@@ -6,14 +6,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gmr_traj.constants import GRAVITY
+from gmr_traj.contacts.detect import detect
 from gmr_traj.contacts.schedule import Stance
+from gmr_traj.formats.human import read_human
 from gmr_traj.kinematics.mujoco_kinematics import placements
+from gmr_traj.lead import Leads, extend
 from gmr_traj.lead.arrival import Moving, arrival, standing
 from gmr_traj.lead.centre_path import JERK, OFF, centre_path
 from gmr_traj.lead.feet import LIFT, feet_of, foot_path, place_of, standing_feet
 from gmr_traj.lead.legs import bend_legs
 from gmr_traj.lead.steps import DOUBLE, QUICKEST, SHIFT, STEP, pressed_at, shortest, step_plans
 from gmr_traj.motion import RobotMotion
+from gmr_traj.retarget.body_map import default_map_name, load_map
+from gmr_traj.retarget.retarget import retarget
 
 FPS = 50.0
 EVERYTHING = ("left", "right")
@@ -180,3 +185,30 @@ def test_a_base_that_is_too_high_for_the_legs_comes_down(g1):
     assert np.abs(at - paths[0].at).max() < 2e-3
     assert (bent[:, 2] < g1.nominal[2] + 0.1).all()
     assert (bent[:, 7:] >= g1.position_lower).all() and (bent[:, 7:] <= g1.position_upper).all()
+
+
+def test_a_base_beyond_what_the_ankles_can_do_neither_rises_nor_bends_a_knee_backwards(g1):
+    feet = feet_at(g1, g1.nominal, EVERYTHING)
+    stands = standing_feet(feet, g1, np.array(g1.nominal))
+    times = np.arange(-30, 1) / FPS
+    paths = tuple(foot_path(f, s, times, None, None) for f, s in zip(feet, stands, strict=True))
+    qpos = np.tile(g1.nominal, (len(times), 1))
+    qpos[:, 1] += np.linspace(0.0, 0.25, len(times))  # an ankle rolls by 0.26 rad at most
+    bent = bend_legs(g1, qpos, feet, paths)
+    assert (bent[:, 2] <= qpos[:, 2]).all()
+    knees = [7 + k for k, name in enumerate(g1.joint_names) if "knee" in name]
+    assert bent[:, knees].min() > 0.0
+    assert np.abs(np.diff(bent, axis=0)).max() < 0.1
+
+
+def test_recorded_clips_that_begin_with_tilted_feet_can_be_led_into(data_dir, g1):
+    bvh = data_dir / "cmu_bvh" / "131_02.bvh"
+    if not bvh.is_file():
+        pytest.skip(f"{bvh} does not exist")
+    human = read_human(bvh)
+    found = retarget(human, g1, load_map(default_map_name(human.rig, g1.name), g1))
+    motion = found.motion.with_qpos(found.motion.qpos[:120])
+    extended = extend(motion, g1, detect(motion, g1), Leads(1.5, None))
+    lead = slice(0, extended.before.frames + 1)
+    fastest = np.abs(np.diff(extended.motion.qpos[lead, 7:], axis=0)).max() * motion.fps
+    assert fastest < 8.0, "the knees do not snap"

@@ -30,22 +30,29 @@ def test_a_jump_at_the_start_and_a_take_off_are_left_out(g1):
     assert stable_span(audit(standing(g1, 30).shifted(1.0), g1)) is None
 
 
-def test_the_command_begins_where_it_proposes(g1, tmp_path, capsys):
+def test_the_command_begins_and_ends_where_it_proposes(g1, tmp_path, capsys):
     path = tmp_path / "jumpy.npz"
     motion = jumpy(g1)
-    np.savez(path, qpos=motion.qpos[:50], fps=motion.fps, joint_names=motion.joint_names, robot=motion.robot)
+    np.savez(path, qpos=motion.qpos, fps=motion.fps, joint_names=motion.joint_names, robot=motion.robot)
     command = ["verify", str(path), "--find-start", "--controller", "pd", "--workers", "1"]
     assert main([*command, "--json"]) == ExitCode.NOT_FOLLOWED, "the audit is of the whole clip"
     report = json.loads(capsys.readouterr().out)["clips"][0]
-    assert report["stable"] == {"start": 4, "stop": 50}
-    assert [r["start_frame"] for r in report["rollouts"]] == [4] and report["rollouts"][0]["success"] == 1.0
+    assert report["stable"] == {"start": 4, "stop": 49}
+    (rollout,) = report["rollouts"]
+    assert (rollout["start_frame"], rollout["stop_frame"]) == (4, 49) and rollout["success"] == 1.0
+    assert rollout["trials"][0]["length"] == pytest.approx(44 / 50)
     assert main(command) == ExitCode.NOT_FOLLOWED
-    assert "jumpy: stable from frame 4 to 49" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert "jumpy: stable from frame 4 to 48" in out and " 4-48 " in out
     assert main([*command, "--start-frame", "3"]) == ExitCode.BAD_INPUT
     assert "give one of them" in capsys.readouterr().err
     np.savez(path, qpos=standing(g1).shifted(1.0).qpos, fps=50.0, joint_names=motion.joint_names, robot=motion.robot)
-    assert main([*command]) == ExitCode.BAD_INPUT
-    assert "no stretch of it is stable" in capsys.readouterr().err
+    assert main([*command, "--rerun", str(tmp_path / "out.rrd")]) == ExitCode.NOT_FOLLOWED
+    captured = capsys.readouterr()
+    assert "jumpy: nowhere to begin: no stretch of it is stable" in captured.out and not captured.err
+    assert main([*command, "--json"]) == ExitCode.NOT_FOLLOWED
+    report = json.loads(capsys.readouterr().out)["clips"][0]
+    assert report["stable"] is None and report["rollouts"] == [] and not report["passed"]
 
 
 def test_walks_whose_first_frames_jump(data_dir, g1):

@@ -2,8 +2,8 @@
 
 A worker starts it (``python -m gmr_traj.batch.clip_server``) and writes one pickled ``(work, folder, limits)`` after
 the other to its standard input; for each it answers with a line of JSON.  It is not the worker itself because a solver
-that does not return cannot be ended within a process, and it imports what the work needs once, so that a clip costs a
-fork and not the seconds of these imports.  It has one thread, which makes the fork safe.
+that does not return cannot be ended within a process, and it imports what the work needs and prepares what clips share
+once, so that a clip costs a fork and not the seconds that this takes.  It has one thread, which makes the fork safe.
 
 It ends, with the clip it watches, when its standard input is closed: that is, when the worker dies, however it dies.
 """
@@ -62,6 +62,7 @@ def main() -> None:
     orders = os.fdopen(0, "rb", buffering=0)
     while (size := orders.read(8)) and len(size) == 8:
         work, folder, limits = pickle.loads(_exactly(orders.fileno(), int.from_bytes(size, "big")))
+        work.prepare()
         answers.write(json.dumps(asdict(watch(work, folder, limits))) + "\n")
         answers.flush()
 

@@ -36,6 +36,12 @@ class Work(Protocol):
     def versions(self) -> Mapping[str, str]:
         """What the packages must be for the result to be the same everywhere."""
 
+    def prepare(self) -> None:
+        """Make what several clips share, in the process that the clips' own are forked from.
+
+        Nothing here may take long, need other threads, or raise: nobody watches it.
+        """
+
     def carry_out(self, folder: Path) -> Result:
         """Write the outputs into a folder that is there and empty.
 

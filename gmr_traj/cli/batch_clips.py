@@ -17,6 +17,7 @@ from gmr_traj.batch.records import Record
 from gmr_traj.cli.batch_arguments import ORDER, Batch
 from gmr_traj.cli.batch_work import Steps
 from gmr_traj.cli.refine_arguments import Refine, RefineOptions
+from gmr_traj.cli.refine_lead import wanted_leads
 from gmr_traj.cli.verify_plan import make_plan as check_verify
 from gmr_traj.exceptions import BatchError
 from gmr_traj.formats.human import is_human
@@ -136,6 +137,8 @@ def _checked(arguments: Batch) -> Batch:
         raise BatchError(f"--steps needs at least one of {', '.join(ORDER)}")
     if arguments.contacts is not None and not arguments.contacts.is_dir():
         raise BatchError(f"--contacts {arguments.contacts}: there is no such folder")
+    if wanted_leads(arguments) is not None and "refine" not in arguments.steps:
+        raise BatchError("--lead-in and --lead-out are of the step refine; add it to --steps, or leave them out")
     robot = load_robot(arguments.robot)
     if "refine" in arguments.steps:
         load_problem(arguments.problem)

@@ -39,8 +39,9 @@ class Recording(ClipWork):
         """
         file = self.name + RECORDING
         begun = start(self.refine)
-        motion = begun.clip.motion
         if self.refined is not None and self.contacts is not None:
+            begun, _, _ = self.extended(begun)
+            motion = begun.clip.motion
             schedule = schedule_json.from_json(self.contacts, begun.robot, frames=motion.frames, fps=motion.fps)
             written = read_back(self.refined, begun, schedule, self.refine.format)
             recordings.write(folder / file, begun, written.clip, schedule, written.certificate)

@@ -5,25 +5,29 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from gmr_traj.batch.naming import RETARGETED
 from gmr_traj.batch.work import Result
 from gmr_traj.cli.batch_arguments import Step
+from gmr_traj.cli.batch_warm import prepare, prepared
 from gmr_traj.cli.human_input import Start, start
 from gmr_traj.cli.refine import given_schedule, solve, write
 from gmr_traj.cli.refine_arguments import Refine
+from gmr_traj.cli.refine_lead import to_json, wanted_leads, with_leads
 from gmr_traj.cli.verify import verify_clip
 from gmr_traj.cli.verify_arguments import Verify
 from gmr_traj.cli.verify_plan import make_plan
 from gmr_traj.contacts import schedule_json
 from gmr_traj.contacts.detect import detect
+from gmr_traj.contacts.schedule import ContactSchedule
 from gmr_traj.exceptions import ClipError
 from gmr_traj.formats import Clip, write_clip
 from gmr_traj.formats.clip import SUFFIXES
 from gmr_traj.formats.human import is_human
+from gmr_traj.lead import Extended
 from gmr_traj.metrics.figures import measure
 from gmr_traj.problem import load_problem
 
@@ -47,6 +51,18 @@ class ClipWork:
         """The input."""
         return self.refine.clip
 
+    def prepare(self) -> None:
+        """Make what several clips share, before the process of one is forked: nothing."""
+
+    def extended(self, begun: Start) -> tuple[Start, ContactSchedule | None, Extended | None]:
+        """What is refined, with its leads where there are any, and the schedule that it brings.
+
+        Raises:
+            GmrTrajError: the schedule is of another clip, or a lead is too short.
+        """
+        schedule, leads = given_schedule(self.refine.contacts, begun.clip, begun.robot), wanted_leads(self.refine)
+        return (begun, schedule, None) if leads is None else with_leads(begun, schedule, leads)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Steps(ClipWork):
@@ -59,6 +75,11 @@ class Steps(ClipWork):
 
     steps: tuple[Step, ...]
     verify: Verify
+
+    def prepare(self) -> None:
+        """Make what the clips that are refined share."""
+        if "refine" in self.steps:
+            prepare(self.refine.robot, self.refine.problem)
 
     def carry_out(self, folder: Path) -> Result:
         """Take the steps in turn and write what they make into the folder.
@@ -81,8 +102,14 @@ class Steps(ClipWork):
             stances = clip.schedule or detect(clip.motion, begun.robot)
             content["figures"] = measure(clip.motion, begun.robot, stances).to_json()
         if refining:
-            schedule = given_schedule(self.refine.contacts, clip, begun.robot)
-            refinement = solve(begun, schedule, self.refine, load_problem(self.refine.problem))
+            kinematics = prepared(begun.robot, self.refine.robot, self.refine.problem)
+            if kinematics is not None:
+                begun = replace(begun, robot=kinematics.robot)
+            begun, schedule, extended = self.extended(begun)
+            held = None if extended is None else extended.held
+            problem = load_problem(self.refine.problem)
+            refinement = solve(begun, schedule, self.refine, problem, held=held, kinematics=kinematics)
+            content["notes"], content["lead"] = list(begun.clip.notes), to_json(extended)
             content["solver"] = refinement.report.to_json()
             content["contacts"] = json.loads(schedule_json.to_json(refinement.schedule))
             if refinement.report.status == "not converged":

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.markup import escape
 
@@ -12,7 +13,7 @@ from gmr_traj import atomic
 from gmr_traj.cli.compare_arguments import Compare
 from gmr_traj.cli.compare_tables import as_markdown, as_table, where_table
 from gmr_traj.cli.exit_codes import ExitCode
-from gmr_traj.cli.terminal import console
+from gmr_traj.cli.terminal import console, progress
 from gmr_traj.comparison import Comparison, Entrant, Source, as_source, compare
 from gmr_traj.comparison.groups import Group
 from gmr_traj.exceptions import ClipError, GmrTrajError
@@ -21,6 +22,9 @@ from gmr_traj.formats.human import read_human
 from gmr_traj.retarget.body_map import default_map_name, load_map
 from gmr_traj.robot import Robot
 from gmr_traj.robot_loading import load_robot
+
+if TYPE_CHECKING:
+    from gmr_traj.verify.trials import Report
 
 
 def run(arguments: Compare) -> int:
@@ -41,10 +45,11 @@ def run(arguments: Compare) -> int:
     if markdown is not None and not printed:
         _check_output(markdown, arguments)
     robot = load_robot(arguments.robot)
-    more = verification(arguments, robot)
-    entrants = read_entrants(arguments, robot)
-    source = None if arguments.source is None else read_source(arguments.source, robot, arguments.map)
-    compared = compare(entrants, robot, source=source, seconds=arguments.seconds, more=more)
+    with progress(not arguments.json) as report:
+        more = verification(arguments, robot, report)
+        entrants = read_entrants(arguments, robot)
+        source = None if arguments.source is None else read_source(arguments.source, robot, arguments.map)
+        compared = compare(entrants, robot, source=source, seconds=arguments.seconds, more=more)
     if arguments.json:
         print(json.dumps(compared.to_json(), indent=2, allow_nan=False))
     elif printed:
@@ -57,7 +62,7 @@ def run(arguments: Compare) -> int:
     return ExitCode.OK
 
 
-def verification(arguments: Compare, robot: Robot) -> tuple[Group, ...]:
+def verification(arguments: Compare, robot: Robot, report: Report | None = None) -> tuple[Group, ...]:
     """The groups that --verify adds.
 
     Raises:
@@ -78,7 +83,7 @@ def verification(arguments: Compare, robot: Robot) -> tuple[Group, ...]:
     if arguments.policy is not None:
         load_policy(arguments.policy, robot)  # what is wrong with it is said before any work is done
         choice = Choice("policy", policy=arguments.policy)
-    return verify_groups(choice, load_conditions(arguments.conditions), arguments.seed)
+    return verify_groups(choice, load_conditions(arguments.conditions), arguments.seed, os.cpu_count() or 1, report)
 
 
 def _check_output(markdown: Path, arguments: Compare) -> None:

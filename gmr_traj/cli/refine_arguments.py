@@ -31,6 +31,12 @@ class RefineOptions(HumanOptions, Common):
     overlap: Annotated[float | None, named("SECONDS", "a quarter of the window")] = None
     """How far neighbouring windows overlap."""
 
+    lead_in: Annotated[float | None, named("SECONDS", "none")] = None
+    """Put frames before the clip that lead into it from the robot's default standing posture."""
+
+    lead_out: Annotated[float | None, named("SECONDS", "none")] = None
+    """Put frames after the clip that lead out of it, back to standing."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Refine(RefineOptions):
@@ -54,12 +60,6 @@ class Refine(RefineOptions):
 
     save_contacts: Annotated[Path | None, named("JSON", "not written")] = None
     """Write the contact schedule that was used, to edit it and pass it back with --contacts."""
-
-    lead_in: Annotated[float | None, named("SECONDS", "none")] = None
-    """Put frames before the clip that lead into it from the robot's default standing posture."""
-
-    lead_out: Annotated[float | None, named("SECONDS", "none")] = None
-    """Put frames after the clip that lead out of it, back to standing."""
 
     rerun: Annotated[Path | None, named("RRD", "not written")] = None
     """Write a recording of the clip before and after, for the rerun viewer."""

@@ -1,4 +1,4 @@
-"""The leads of `gmr-traj refine`: what is refined becomes longer before it is refined."""
+"""The leads of `gmr-traj refine` and `batch`: what is refined becomes longer before it is refined."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from gmr_traj.human_motion import HumanMotion
 from gmr_traj.lead import Added, Extended, Leads, extend
 
 if TYPE_CHECKING:
-    from gmr_traj.cli.refine_arguments import Refine
+    from gmr_traj.cli.refine_arguments import RefineOptions
 
 # Longer ones are more likely a number of frames than seconds.
 LONGEST = 60.0
 
 
-def wanted_leads(arguments: Refine) -> Leads | None:
+def wanted_leads(arguments: RefineOptions) -> Leads | None:
     """The leads that are asked for; None for none.
 
     Raises:

@@ -8,16 +8,19 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from gmr_traj._version import __version__
 from gmr_traj.cli import verify_tables
 from gmr_traj.cli.clip_files import clip_files
+from gmr_traj.cli.compare import short_names
 from gmr_traj.cli.exit_codes import ExitCode
 from gmr_traj.cli.loading import load
 from gmr_traj.cli.terminal import console, progress
 from gmr_traj.cli.verify_arguments import Verify
 from gmr_traj.cli.verify_plan import Plan, make_plan
+from gmr_traj.cli.verify_saving import check_free, record, save
 from gmr_traj.comparison.entrant import cut_frames
 from gmr_traj.exceptions import ClipError, GmrTrajError
-from gmr_traj.formats import Clip, write_clip
+from gmr_traj.formats import Clip
 from gmr_traj.motion import RobotMotion
 from gmr_traj.robot import Robot
 from gmr_traj.robot_loading import load_robot
@@ -33,24 +36,29 @@ class Verified:
 
     Attributes:
         path: the file.
+        name: what to call it: as short as tells it from the others.
         clip: what it held.
         motion: the stretch that was verified.
         audit: of its dynamics.
-        stable: where to begin and to end, where that was asked for.
+        sought: whether it was asked where to begin and to end.
+        stable: where that is; None where there is no such place.
         trials: rollouts, one entry for each of the conditions and start frames.
     """
 
     path: Path
+    name: str
     clip: Clip
     motion: RobotMotion
     audit: Audit
+    sought: bool
     stable: StableSpan | None
     trials: tuple[Trials, ...]
 
     @property
     def passed(self) -> bool:
-        """Whether the audit passes and no rollout fell."""
-        return self.audit.passed and all(trials.success == 1.0 for trials in self.trials)
+        """Whether the audit passes, no rollout fell, and there is where to begin where that was asked for."""
+        begun = self.stable is not None or not self.sought
+        return self.audit.passed and begun and all(trials.success == 1.0 for trials in self.trials)
 
     def to_json(self, frames: bool) -> dict[str, Any]:
         """Everything, ready for ``json.dumps``."""
@@ -63,7 +71,7 @@ class Verified:
             "fps": self.motion.fps,
             "passed": self.passed,
             "audit": self.audit.to_json(frames),
-            **({"stable": asdict(self.stable)} if self.stable is not None else {}),
+            **({"stable": None if self.stable is None else asdict(self.stable)} if self.sought else {}),
             "rollouts": [trials.to_json() for trials in self.trials],
         }
 
@@ -80,26 +88,28 @@ def run(arguments: Verify) -> int:
         GmrTrajError: the robot cannot be loaded, a path does not exist, an argument is out of range.
     """
     plan = make_plan(arguments)
+    paths = tuple({path.absolute(): path for path in clip_files(list(arguments.clips))}.values())
     # A robot or a policy that cannot be loaded is one error, not one for each clip.
     robot = load_robot(arguments.robot)
     if arguments.policy is not None:
         load_policy(arguments.policy, robot, arguments.steer)
     found: list[Verified] = []
     unreadable: list[tuple[Path, str]] = []
-    for path in clip_files(list(arguments.clips)):
+    for path, name in zip(paths, short_names(paths), strict=True):
         try:
             clip, robot = load(path, arguments)
-            verified = verify_clip(path, clip, robot, arguments, plan)
+            verified = verify_clip(path, clip, robot, arguments, plan, name)
             if arguments.save is not None:
-                save(verified, robot, arguments.save, arguments.force)
-            if arguments.rerun is not None:
-                record(verified, robot, arguments.rerun)
+                save(name, verified.trials, robot, arguments.save)
+            if arguments.rerun is not None and verified.trials:
+                record(path.stem, verified.motion, verified.trials, robot, arguments.rerun)
             found.append(verified)
         except (GmrTrajError, OSError) as error:
             line = " ".join(str(error).split())
             unreadable.append((path, line if str(path) in line else f"{path}: {line}"))
     if arguments.json:
         report = {
+            **_how(arguments),
             "clips": [verified.to_json(arguments.frames) for verified in found],
             "unreadable": [{"clip": str(path), "error": line} for path, line in unreadable],
         }
@@ -113,36 +123,52 @@ def run(arguments: Verify) -> int:
     return ExitCode.OK if all(verified.passed for verified in found) else ExitCode.NOT_FOLLOWED
 
 
-def verify_clip(path: Path, clip: Clip, robot: Robot, arguments: Verify, plan: Plan) -> Verified:
+def _how(arguments: Verify) -> dict[str, Any]:
+    """What the rollouts depend on beside the clips and the conditions."""
+    import mujoco
+
+    return {
+        "gmr_traj": __version__,
+        "mujoco": mujoco.__version__,
+        "controller": arguments.controller,
+        "preset": arguments.preset if arguments.controller == "mpc" else None,
+        "policy": None if arguments.policy is None else str(arguments.policy),
+        "steer": arguments.steer,
+        "seed": arguments.seed,
+    }
+
+
+def verify_clip(path: Path, clip: Clip, robot: Robot, arguments: Verify, plan: Plan, name: str = "") -> Verified:
     """Verify one clip that was read.
 
     Raises:
         ClipError: it has no frames in the stretch that is asked for, or from a start frame on.
+        GmrTrajError: a file that is to be written exists.
+        RolloutError: a process was killed.
         SolverError: the contact forces of a frame could not be found.
     """
     motion = clip.motion
     if arguments.seconds is not None:
         motion = motion.with_qpos(motion.qpos[cut_frames(arguments.seconds, motion.fps, motion.frames, str(path))])
     audited = audit(motion, robot)
-    stable, starts = None, plan.starts
-    if starts is None:
-        stable = stable_span(audited)
-        if stable is None:
-            raise ClipError("there is nowhere to begin: no stretch of it is stable")
-        starts = (stable.start,)
-    if plan.choice is None:
-        return Verified(path, clip, motion, audited, stable, ())
+    sought, stop = plan.starts is None, motion.frames
+    stable, starts = (stable_span(audited) if sought else None), plan.starts or ()
+    if stable is not None:
+        starts, stop = (stable.start,), stable.stop
+    if plan.choice is None or not starts:
+        return Verified(path, name, clip, motion, audited, sought, stable, ())
     late = next((frame for frame in starts if frame > motion.frames - 2), None)
     if late is not None:
         raise ClipError(f"has {motion.frames} frames; a rollout cannot begin at frame {late}")
     cases = [(conditions, frame) for conditions in plan.conditions for frame in starts]
-    jobs, counts = [], []
-    for conditions, frame in cases:
-        counts.append(arguments.trials if conditions.random else 1)
-        for trial in range(counts[-1]):
-            rest = motion.with_qpos(motion.qpos[frame:])
-            seed = (arguments.seed, trial)
-            jobs.append((conditions, rest, seed))
+    counts = [arguments.trials if conditions.random else 1 for conditions, _ in cases]
+    if arguments.save is not None and not arguments.force:
+        check_free(name, arguments.save, [(c.name, f, n) for (c, f), n in zip(cases, counts, strict=True)])
+    jobs = [
+        (conditions, motion.with_qpos(motion.qpos[frame:stop]), (arguments.seed, trial))
+        for (conditions, frame), count in zip(cases, counts, strict=True)
+        for trial in range(count)
+    ]
     threads = max(1, plan.workers // len(jobs))
     work = [
         Job(robot.path, rest, conditions, plan.choice, seed, arguments.start, threads)
@@ -152,38 +178,7 @@ def verify_clip(path: Path, clip: Clip, robot: Robot, arguments: Verify, plan: P
         done = run_jobs(work, plan.workers, report)
     trials, first = [], 0
     for (conditions, frame), count in zip(cases, counts, strict=True):
-        trials.append(Trials(conditions.name, arguments.start, frame, tuple(done[first : first + count])))
+        own = tuple(done[first : first + count])
+        trials.append(Trials(conditions.name, arguments.start, frame, own, stop))
         first += count
-    return Verified(path, clip, motion, audited, stable, tuple(trials))
-
-
-def save(verified: Verified, robot: Robot, folder: Path, force: bool) -> None:
-    """Write what the robot did in each rollout.
-
-    Raises:
-        GmrTrajError: a file exists and may not be overwritten.
-    """
-    for trials in verified.trials:
-        for k, rollout in enumerate(trials.rollouts):
-            name = f"{verified.path.stem}_{trials.conditions}_frame{trials.start_frame}_trial{k}.npz"
-            target = folder / name
-            if target.exists() and not force:
-                raise GmrTrajError(f"{target}: this file exists; overwrite it with --force")
-            write_clip(Clip(rollout.motion, "gmr-traj"), target, robot=robot)
-
-
-def record(verified: Verified, robot: Robot, path: Path) -> None:
-    """Write a recording: the clip, and beside it the first rollout under each of the conditions."""
-    from gmr_traj.track import track
-    from gmr_traj.viewer import Scene
-    from gmr_traj.viewer import save as save_recording
-
-    begun = verified.trials[0].start_frame
-    clip = verified.motion.with_qpos(verified.motion.qpos[begun:])
-    tracks = [track("clip", clip, robot, level=False)]
-    for trials in verified.trials:
-        if trials.start_frame == begun:
-            first = trials.rollouts[0]
-            name = f"rollout {trials.conditions}"
-            tracks.append(track(name, first.motion, robot, level=False, forces=first.forces))
-    save_recording(Scene(title=path.stem, tracks=tuple(tracks)), path)
+    return Verified(path, name, clip, motion, audited, sought, stable, tuple(trials))

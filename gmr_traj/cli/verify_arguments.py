@@ -57,7 +57,7 @@ class Verify(Common):
     """Frames of the clip (or of the stretch) to begin at, a rollout for each."""
 
     find_start: bool = False
-    """Propose a frame to begin at and one to end at, feasible and balanced both, and begin there."""
+    """Propose a frame to begin at and one to end at, feasible and balanced both, and begin and end there."""
 
     seconds: Annotated[tuple[float, float] | None, named("FROM TO", "the whole clip")] = None
     """Stretch of every clip to verify [s]."""

@@ -50,6 +50,8 @@ def make_plan(arguments: Verify) -> Plan:
     parts = (arguments.start_frame or "0").split(",")
     if not all(part.strip().isdecimal() for part in parts):
         raise GmrTrajError(f"--start-frame is {arguments.start_frame!r}; expected frames such as 0,7,49")
+    if arguments.save is not None and arguments.controller == "none":
+        raise GmrTrajError("--save writes what the robot did in rollouts, and --controller none makes none")
     if arguments.save is not None and not arguments.save.is_dir():
         raise GmrTrajError(f"--save {arguments.save}: there is no such folder; create it first")
     if (arguments.controller == "policy") != (arguments.policy is not None):
@@ -61,9 +63,13 @@ def make_plan(arguments: Verify) -> Plan:
             raise GmrTrajError("--rerun shows one clip and its rollouts; name one file, and a controller")
         check_recording(arguments.rerun, arguments.clips, arguments.force)
     conditions = tuple(load_conditions(name) for name in arguments.conditions)
+    names = [each.name for each in conditions]
+    twice = next((name for k, name in enumerate(names) if name in names[:k]), None)
+    if twice is not None:
+        raise GmrTrajError(f"--conditions: two are called {twice!r}; give each a name of its own in its file")
     choice = None
     if arguments.controller != "none":
         presets = ("A", "B") if arguments.preset == "auto" else (arguments.preset,)
         choice = Choice(arguments.controller, presets, arguments.policy, arguments.steer)
-    starts = None if arguments.find_start else tuple(int(part) for part in parts)
+    starts = None if arguments.find_start else tuple(dict.fromkeys(int(part) for part in parts))
     return Plan(choice, conditions, starts, arguments.workers or os.cpu_count() or 1)

@@ -9,7 +9,6 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from gmr_traj.cli.compare import short_names
 from gmr_traj.cli.tables import artefacts, plain_table
 from gmr_traj.text import number
 
@@ -21,7 +20,7 @@ _PASSED = {True: "[green]passes[/green]", False: "[bold red]FAILS[/bold red]"}
 
 def show(screen: Console, found: Sequence[Verified], top: int) -> None:
     """Print the audits of all clips in a table, then what is wrong with each."""
-    names = short_names(tuple(verified.path for verified in found))
+    names = [verified.name for verified in found]
     if any(verified.trials for verified in found):
         screen.print("[bold]rollouts[/bold]: what a simulated robot makes of it")
         screen.print(rollout_table(names, found))
@@ -32,6 +31,8 @@ def show(screen: Console, found: Sequence[Verified], top: int) -> None:
         audit = verified.audit
         if verified.stable is not None:
             screen.print(f"{escape(name)}: stable from frame {verified.stable.start} to {verified.stable.stop - 1}")
+        elif verified.sought:
+            screen.print(f"{escape(name)}: nowhere to begin: no stretch of it is stable", style="red")
         for failure in audit.failures:
             screen.print(f"{escape(name)}: {escape(failure)}", style="red")
         if top and audit.faults:
@@ -57,7 +58,7 @@ def audit_table(names: Sequence[str], found: Sequence[Verified]) -> Table:
             number(s["residual_moment_mean"]),
             number(s["residual_moment_max"]),
             number(s["joint_torque_max"]),
-            escape(s["joint_torque_joint"]),
+            escape(s["joint_torque_joint"].removesuffix("_joint")),
             number(1e3 * s["depth_max"]),
             "-" if s["zmp_outside_share"] is None else f"{100 * s['zmp_outside_share']:.0f} %",
             "-" if s["com_cop_mean"] is None else number(1e3 * s["com_cop_mean"]),
@@ -69,7 +70,7 @@ def audit_table(names: Sequence[str], found: Sequence[Verified]) -> Table:
 def rollout_table(names: Sequence[str], found: Sequence[Verified]) -> Table:
     """One line for each clip, set of conditions and start frame: means over the trials, errors before any fall."""
     table = plain_table(
-        "clip", "conditions", ">from frame", "controller", ">success", ">full rule", ">alive s", ">E_g mm", ">E mm",
+        "clip", "conditions", ">frames", "controller", ">success", ">full rule", ">alive s", ">E_g mm", ">E mm",
         ">E_joint mrad", ">norm", "first fall",
     )  # fmt: skip
     for name, verified in zip(names, found, strict=True):
@@ -81,7 +82,7 @@ def rollout_table(names: Sequence[str], found: Sequence[Verified]) -> Table:
             table.add_row(
                 escape(name),
                 escape(trials.conditions),
-                str(trials.start_frame),
+                f"{trials.start_frame}-{(trials.stop_frame or verified.motion.frames) - 1}",
                 escape(", ".join(used)),
                 f"{round(trials.success * count)}/{count}",
                 f"{round(trials.mean('success_full') * count)}/{count}",

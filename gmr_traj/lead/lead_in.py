@@ -132,11 +132,10 @@ def _configurations(
     qpos[:, 2] = blend(times, active, np.asarray(q[2]), *map(np.asarray, z))
     qpos[:REST], qpos[-1] = q, rest.qpos[0]
     away = np.array([state.centre.value[:2] - state.base.value[:2]])
-    height = qpos[REST:-1, 2].copy()
+    blended = qpos.copy()
     for _ in range(ROUNDS):
-        qpos[REST:-1, 2] = height
-        qpos[REST:-1, :2] = (way.centre.at - away)[REST:-1]
-        qpos[REST:-1] = bend_legs(robot, qpos[:-1], feet, way.paths)[REST:]
+        blended[REST:-1, :2] = (way.centre.at - away)[REST:-1]
+        qpos[REST:-1] = bend_legs(robot, blended[:-1], feet, way.paths)[REST:]
         away = centres_of_mass(robot, qpos)[:, :2] - qpos[:, :2]
     return qpos
 

@@ -1,9 +1,11 @@
 """Inverse kinematics of the legs: the feet have to be where they have to be, and the base as high as that allows.
 
     minimise over the legs' joints q_l and the base's height z
-        sum_f |p_f - p*_f|^2 + ARM^2 |log(R*_f R_f')|^2 + WISH^2 (z - z*)^2 + KEEP^2 |q_l - q_l*|^2
+        sum_f |p_f - p*_f|^2 + ARM^2 |log(R*_f R_f')|^2 + WISH^2 (z - z*)^2 + KEEP^2 |q_l - q_l*|^2,    z <= z*
 
-Clips stand with straight knees; a base that is too high for both feet comes down rather than lifting one.
+Clips stand with straight knees; a base that is too high for both feet comes down rather than lifting one.  It does not
+rise, not even where an ankle at its limit would turn its foot further by that: straight knees may bend either way next.
+The joints that were given, q_l*, say which way is theirs.
 """
 
 from __future__ import annotations
@@ -52,11 +54,11 @@ class _Legs:
 def bend_legs(robot: Robot, qpos: np.ndarray, feet: tuple[Foot, ...], paths: tuple[FootPath, ...]) -> np.ndarray:
     """Configurations with the feet on their paths.
 
-    Each frame starts from the frame before, moved as the joints given move.
+    Each frame starts from the frame before, moved as the joints given move, and stays near the joints given.
 
     Args:
         robot: the robot.
-        qpos: configurations; bases and the joints of legs are where to start from.  # (T, 7 + n)
+        qpos: configurations; bases are as high as they may be.  # (T, 7 + n)
         feet: the feet.
         paths: where each should be.
 
@@ -77,8 +79,12 @@ def bend_legs(robot: Robot, qpos: np.ndarray, feet: tuple[Foot, ...], paths: tup
         if t:
             moved = legs.columns[1:]
             out[t, moved] = out[t - 1, moved] + qpos[t, moved] - qpos[t - 1, moved]
+        legs.upper[0] = qpos[t, 2]
+        out[t, 2] = min(out[t, 2], qpos[t, 2])
         both = zip(feet, paths, strict=True)
-        _bend(legs, out[t], [(foot, path.at[t], path.turned[t].as_matrix()) for foot, path in both])
+        _bend(
+            legs, out[t], qpos[t, legs.columns], [(foot, path.at[t], path.turned[t].as_matrix()) for foot, path in both]
+        )
     return out
 
 
@@ -91,18 +97,21 @@ def leg_length(robot: Robot, foot: Foot) -> float:
     return length
 
 
-def _bend(legs: _Legs, q: np.ndarray, targets: list[_Target]) -> None:
-    """Levenberg-Marquardt in one frame, in place."""
-    wanted = np.clip(q[legs.columns], legs.lower, legs.upper)
+def _bend(legs: _Legs, q: np.ndarray, wanted: np.ndarray, targets: list[_Target]) -> None:
+    """Levenberg-Marquardt in one frame, in place; ``wanted`` are z* and q_l*."""
     scale = np.array([WISH, *[KEEP] * (len(wanted) - 1)])
-    q[legs.columns], damping = wanted, DAMPING
+    q[legs.columns], damping = np.clip(q[legs.columns], legs.lower, legs.upper), DAMPING
     residual, jacobian = _feet_off(legs, q, targets)
     cost = float(residual @ residual)
     for _ in range(STEPS):
         away = scale * (q[legs.columns] - wanted)
         rows, values = np.concatenate([jacobian, np.diag(scale)]), np.concatenate([residual, away])
-        step = np.linalg.solve(rows.T @ rows + damping * np.eye(len(scale)), -rows.T @ values)
         before = q[legs.columns].copy()
+        # Joints at a bound that would go beyond it stay, and the others are solved for without them.
+        slope = rows.T @ values
+        free = ~(((before <= legs.lower) & (slope > 0.0)) | ((before >= legs.upper) & (slope < 0.0)))
+        step, rows = np.zeros(len(scale)), rows[:, free]
+        step[free] = np.linalg.solve(rows.T @ rows + damping * np.eye(rows.shape[1]), -slope[free])
         q[legs.columns] = np.clip(before + step, legs.lower, legs.upper)
         residual_new, jacobian_new = _feet_off(legs, q, targets)
         drift = scale * (q[legs.columns] - wanted)

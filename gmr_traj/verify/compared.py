@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 
 from gmr_traj.comparison.entrant import cut_targets
@@ -16,7 +14,8 @@ from gmr_traj.motion import RobotMotion
 from gmr_traj.resampling import resample
 from gmr_traj.verify.audit import audit
 from gmr_traj.verify.conditions import Conditions
-from gmr_traj.verify.trials import Choice, Job, run_job
+from gmr_traj.verify.rollout import Rollout
+from gmr_traj.verify.trials import Choice, Job, Report, run_job
 
 _AUDIT = (
     Metric("infeasible_share", "infeasible", "% of frames"),
@@ -35,14 +34,29 @@ _ROLLOUT = (
 )
 
 
-def verify_groups(choice: Choice, conditions: Conditions, seed: int = 0) -> tuple[Group, ...]:
+def verify_groups(
+    choice: Choice, conditions: Conditions, seed: int = 0, threads: int = 1, report: Report | None = None
+) -> tuple[Group, ...]:
     """Groups for ``compare``: the audit, and one rollout of each clip with the same controller and seed.
 
     Errors are over the moments before a fall.  A tracker may forgive a bad reference of its own, so the rollout is held
     against the scaled person too, where there is one.
+
+    Args:
+        choice: of the controller.
+        conditions: of the rollouts.
+        seed: of everything random.
+        threads: that a rollout computes with; the results do not depend on it.
+        report: called with what is going on, how much of it is done and how much there is.
     """
     title = f"rollout ({choice.kind}, {conditions.name})"
-    return ("audit", _AUDIT, _audited), (title, _ROLLOUT, partial(_rolled_out, choice, conditions, seed))
+
+    def rolled_out(judged: Judged) -> dict[str, Measure]:
+        own = judged.clip.own
+        job = Job(own.robot.path, own.motion, conditions, choice, (seed, 0), threads=threads)
+        return _figures(judged, run_job(job, report, f" of {judged.clip.name}"))
+
+    return ("audit", _AUDIT, _audited), (title, _ROLLOUT, rolled_out)
 
 
 def _audited(judged: Judged) -> dict[str, Measure]:
@@ -56,13 +70,11 @@ def _audited(judged: Judged) -> dict[str, Measure]:
     }
 
 
-def _rolled_out(choice: Choice, conditions: Conditions, seed: int, judged: Judged) -> dict[str, Measure]:
-    own = judged.clip.own
-    rollout = run_job(Job(own.robot.path, own.motion, conditions, choice, (seed, 0)))
+def _figures(judged: Judged, rollout: Rollout) -> dict[str, Measure]:
     followed = rollout.tracking
-    fall = "" if followed.success else f"{followed.fell:.2f} s: {followed.reason}"
+    how = rollout.controller if followed.success else f"{rollout.controller}, {followed.fell:.2f} s: {followed.reason}"
     return {
-        "rollout_success": Measure(100.0 * followed.success, fall),
+        "rollout_success": Measure(100.0 * followed.success, how),
         "rollout_full": Measure(100.0 * followed.success_full),
         "rollout_alive": Measure(100.0 * followed.alive / followed.length),
         "g_mpbpe": Measure(followed.g_mpbpe),

@@ -83,7 +83,8 @@ def load_policy(path: Path, robot: Robot, steer: float = 0.0) -> Controller:
     Raises:
         PolicyError: the file is of no known kind, or made for another robot.
     """
-    from gmr_traj.verify.beyondmimic_policy import WIDTHS, BeyondMimicPolicy
+    from gmr_traj.verify.beyondmimic_policy import BeyondMimicPolicy
+    from gmr_traj.verify.policy_form import WIDTHS
     from gmr_traj.verify.twist2_policy import INPUTS, Twist2Policy
 
     network = Network(path)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import multiprocessing
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
@@ -18,6 +17,7 @@ from gmr_traj.verify.conditions import Conditions
 from gmr_traj.verify.controller import Controller, OpenLoop
 from gmr_traj.verify.mpc import PRESETS, Mpc
 from gmr_traj.verify.policy import load_policy
+from gmr_traj.verify.processes import in_processes
 from gmr_traj.verify.reference import Reference, reference
 from gmr_traj.verify.rollout import Rollout, Start, roll_out
 
@@ -73,12 +73,14 @@ class Trials:
         start: where the rollouts began.
         start_frame: frame of the clip at which they began.
         rollouts: one a trial: the first that did not fall, else that of the last controller tried.
+        stop_frame: frame of the clip before which they were to end; None for the clip's end.
     """
 
     conditions: str
     start: Start
     start_frame: int
     rollouts: tuple[Rollout, ...]
+    stop_frame: int | None = None
 
     @property
     def success(self) -> float:
@@ -96,6 +98,7 @@ class Trials:
             "conditions": self.conditions,
             "start": self.start,
             "start_frame": self.start_frame,
+            "stop_frame": self.stop_frame,
             "success": self.success,
             "success_full": self.mean("success_full"),
             **{name: self.mean(name) for name in names},
@@ -115,17 +118,18 @@ def run_jobs(jobs: Sequence[Job], workers: int, report: Report | None = None) ->
         jobs: the trials.
         workers: how many processes.
         report: called with what is going on, how much of it is done and how much there is.
+
+    Raises:
+        RolloutError: a process was killed.
     """
     if workers == 1 or len(jobs) == 1:
         return [run_job(job, report, f" {k + 1} of {len(jobs)}" if len(jobs) > 1 else "") for k, job in enumerate(jobs)]
-    # A fresh interpreter each: forked ones would share MuJoCo's and ONNX's threads.
-    with multiprocessing.get_context("spawn").Pool(min(workers, len(jobs))) as pool:
-        done: list[Rollout] = []
-        for rollout in pool.imap(run_job, jobs):
-            done.append(rollout)
-            if report is not None:
-                report("rollouts", len(done), len(jobs))
-        return done
+    done: dict[int, Rollout] = {}
+    for index, future in in_processes(run_job, jobs, workers):
+        done[index] = future.result()
+        if report is not None:
+            report("rollouts", len(done), len(jobs))
+    return [done[index] for index in range(len(jobs))]
 
 
 def run_job(job: Job, report: Report | None = None, which: str = "") -> Rollout:
