@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 
 import casadi as ca
 import numpy as np
 import scipy.sparse as sp
 
-# Cores to evaluate functions on: those this process may use; the linear algebra between evaluations uses one.
-_THREADS = min(2, len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1)
+from gmr_traj.threads import threads
+
 _WORTHWHILE = 400  # frames
 
 
@@ -83,11 +82,12 @@ class SparseSum:
 
 
 def mapped(function: ca.Function, count: int) -> ca.Function:
-    """A function of one frame for ``count`` frames, side by side on two cores where it is worth a thread.
+    """A function of one frame for ``count`` frames, side by side where it is worth a thread.
 
     Every frame is computed by itself, so that the result does not depend on the number of threads.
     """
-    return function.map(count, "thread", _THREADS) if count >= _WORTHWHILE and _THREADS > 1 else function.map(count)
+    many = threads()
+    return function.map(count, "thread", many) if count >= _WORTHWHILE and many > 1 else function.map(count)
 
 
 def gather(x: ca.MX, columns: np.ndarray) -> ca.MX:

@@ -6,18 +6,21 @@ on vectors of frames costs 1 to 2 ns a number: the interpreter's share is divide
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import ctypes
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from gmr_traj.kernels.frame_program import IF_ELSE_ZERO, CompiledMachine, Listing
+from gmr_traj.kernels.library import kernels
+
 # Frames at a time: enough to spread the interpreter's overhead, few enough for the registers to stay in the cache.
 _CHUNK = 4096
 
-_UNARY: dict[int, Callable[..., Any]] = {
+_UNARY: dict[int, Any] = {
     ca.OP_ASSIGN: np.positive,
     ca.OP_NEG: np.negative,
     ca.OP_EXP: np.exp,
@@ -38,7 +41,7 @@ _UNARY: dict[int, Callable[..., Any]] = {
     ca.OP_FLOOR: np.floor,
     ca.OP_CEIL: np.ceil,
 }
-_BINARY: dict[int, Callable[..., Any]] = {
+_BINARY: dict[int, Any] = {
     ca.OP_ADD: np.add,
     ca.OP_SUB: np.subtract,
     ca.OP_MUL: np.multiply,
@@ -55,7 +58,7 @@ _BINARY: dict[int, Callable[..., Any]] = {
     ca.OP_FMAX: np.fmax,
     ca.OP_ATAN2: np.arctan2,
     ca.OP_COPYSIGN: np.copysign,
-    ca.OP_IF_ELSE_ZERO: lambda condition, value, out: np.copyto(out, np.where(condition != 0, value, 0.0)),
+    ca.OP_IF_ELSE_ZERO: IF_ELSE_ZERO,
 }
 
 
@@ -64,7 +67,8 @@ class Instructions:
     """A function as a list of operations on registers.
 
     Attributes:
-        steps: (NumPy's function, sources, target); a register, or (input or output, entry).
+        steps: (NumPy's function, sources, target); each the index of a vector: the registers come first, then the
+            entries of all inputs, then those of all outputs.
         constants: (register, value).
         registers: how many there are.
     """
@@ -72,6 +76,20 @@ class Instructions:
     steps: tuple[tuple[Any, ...], ...]
     constants: tuple[tuple[int, float], ...]
     registers: int
+
+    @cached_property
+    def _listings(self) -> dict[bool, Listing | None]:
+        return {}
+
+    def listing(self, library: ctypes.CDLL, numpy: bool) -> Listing | None:
+        """The same for the compiled kernels, with NumPy's functions or with CasADi's; None where there are none."""
+        if numpy not in self._listings:
+            try:
+                made = Listing(self.steps, self.constants, self.registers, library, numpy)
+            except LookupError:
+                made = None
+            self._listings[numpy] = made
+        return self._listings[numpy]
 
 
 @lru_cache(maxsize=4096)
@@ -108,7 +126,20 @@ def instructions(function: ca.Function) -> Instructions | None:
         else:
             return None
     filled = tuple((register, value) for value, register in constants.items())
-    return Instructions(tuple(steps), filled, work + len(constants))
+    registers = work + len(constants)
+    sizes = [function.nnz_in(k) for k in range(function.n_in())]
+    first_input = registers + np.concatenate([[0], np.cumsum(sizes)])
+    sizes = [function.nnz_out(k) for k in range(function.n_out())]
+    first_output = first_input[-1] + np.concatenate([[0], np.cumsum(sizes)])
+
+    def vector(named: int | tuple[int, int], first: np.ndarray) -> int:
+        return int(first[named[0]]) + named[1] if isinstance(named, tuple) else named
+
+    numbered = tuple(
+        (operation, *(vector(source, first_input) for source in sources), vector(target, first_output))
+        for operation, *sources, target in steps
+    )
+    return Instructions(numbered, filled, registers)
 
 
 _SPACE = [np.zeros(0)]
@@ -136,12 +167,12 @@ class VectorMachine:
         for first in range(0, count, _CHUNK):
             here = slice(first, min(first + _CHUNK, count))
             rows = list(_registers(program.registers, here.stop - first))
-            self._calls.append(([(rows[register], value) for register, value in program.constants], []))
-            calls = self._calls[-1][1]
-            for function, *sources, target in program.steps:
-                out = outputs[target[0]][target[1], here] if isinstance(target, tuple) else rows[target]
-                of = [inputs[s[0]][s[1], here] if isinstance(s, tuple) else rows[s] for s in sources]
-                calls.append((function, *of, out))
+            constants = [(rows[register], value) for register, value in program.constants]
+            rows += [row for array in (*inputs, *outputs) for row in array[:, here]]
+            calls: list[tuple[Any, ...]] = []
+            for function, *vectors in program.steps:
+                calls.append((_if_else_zero if function is IF_ELSE_ZERO else function, *(rows[k] for k in vectors)))
+            self._calls.append((constants, calls))
 
     def run(self) -> None:
         """Compute the outputs."""
@@ -150,3 +181,30 @@ class VectorMachine:
                 register[:] = value
             for function, *arguments in calls:
                 function(*arguments)
+
+
+def _if_else_zero(condition: np.ndarray, value: np.ndarray, out: np.ndarray) -> None:
+    np.copyto(out, np.where(condition != 0, value, 0.0))
+
+
+def compiled_machine(
+    program: Instructions,
+    columns: np.ndarray,
+    parameters: np.ndarray,
+    outputs: list[np.ndarray],
+    numpy: bool,
+) -> CompiledMachine | None:
+    """The same with the compiled kernels; None where there are none.
+
+    Args:
+        program: the list.
+        columns: which of the unknowns the entries of the first input are.  # (n, K)
+        parameters: the second input.  # (m, K)
+        outputs: as above.  # (nnz, K) each
+        numpy: whether sines and the like are NumPy's, or those that CasADi calls; they differ in the last bit.
+    """
+    library = kernels()
+    listing = None if library is None else program.listing(library, numpy)
+    if library is None or listing is None:
+        return None
+    return CompiledMachine(library, listing, columns, [parameters, *outputs])

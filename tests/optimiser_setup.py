@@ -132,6 +132,16 @@ def curved(lower: float, upper: float, weight: float, frames: int = 1) -> FrameR
     )
 
 
+def every_operation(x: ca.SX, p: ca.SX) -> list[ca.SX]:
+    """Every kind of operation, constants twice, and outputs that are inputs, constants and structural zeros."""
+    a, b = x[0], x[1]
+    waves = ca.sin(a) + ca.cos(b) * ca.tan(a / 3) - ca.exp(-a) + ca.log(1 + b**2) + ca.sqrt(1 + a * a) + 2 * a
+    angles = ca.atan2(a, 1 + b * b) + ca.asin(a / 9) - ca.acos(b / 9) + ca.atan(a) + ca.tanh(b) + a**3.5
+    steps = ca.if_else(a < b, a, 3.0) + ca.fmin(a, p[0]) - ca.fmax(b, 3.0) + ca.fabs(b - 2) + ca.sign(b - 2)
+    logic = ca.logic_or(a <= 1, ca.logic_and(b != 2, ca.logic_not(a == b))) + ca.floor(a) - ca.ceil(b) + 1 / (1 + a)
+    return [ca.vertcat(waves, angles, a, 0.0, 7.0), ca.sparsify(ca.vertcat(steps, 0, logic)), ca.copysign(p[1], a - b)]
+
+
 def built_parts(robot: Robot, motion: RobotMotion) -> tuple[Variables, list[Used]]:
     """Unknowns and residuals of the problem that ships, with one foot in stance and trust from 0.2 to 1."""
     count = motion.frames

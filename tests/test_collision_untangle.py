@@ -12,7 +12,7 @@ from gmr_traj.collision.elastic_band import relax
 from gmr_traj.collision.limbs import Limb, limbs
 from gmr_traj.collision.push_out import Surroundings, deepest, normal_equations, push_out
 from gmr_traj.collision.tangles import _stretches
-from gmr_traj.collision.untangle import untangle
+from gmr_traj.collision.untangle import _surroundings, untangle
 from gmr_traj.collision.ways_out import directions, end_points, ways_out
 from gmr_traj.kinematics.mujoco_kinematics import placements
 from gmr_traj.motion import RobotMotion
@@ -191,3 +191,18 @@ def test_retargeted_dance(g1: Robot, right_arm: Limb, data_dir: Path) -> None:
     for path, allowed in ((out, 0.006), (between, 0.02)):
         inside = depth(g1, path)
         assert max(inside[tangle.first : tangle.last].max() for tangle in found) < allowed
+
+
+def test_what_is_too_close_is_found_among_all_pairs(g1: Robot, right_arm: Limb) -> None:
+    """Spheres first, then exact distances: the same as exact distances of all pairs."""
+    qpos = np.tile(g1.nominal, (40, 1))
+    qpos[:, 7 + right_arm.joints] += np.random.default_rng(3).normal(0.0, 0.8, (40, len(right_arm.joints)))
+    around = _surroundings(g1, right_arm, *placements(g1, qpos))
+    points, _, _ = right_arm.ends(qpos[:, 7 + right_arm.joints])
+    exact = around.clearances(points)
+    n, p, gap, normals, share = around.rows(points, 0.03)
+    assert n.size and np.array_equal(np.nonzero(exact < 0.03), (n, p))
+    np.testing.assert_array_equal(gap, exact[n, p])
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0)
+    assert ((share >= 0.0) & (share <= 1.0)).all()
+    np.testing.assert_array_equal(around.depths(points), np.maximum(0.0, -exact.min(axis=1)))

@@ -21,6 +21,7 @@ from gmr_traj.formulation import formulate
 from gmr_traj.residuals import FrameResidual, LinearResidual, Used
 from gmr_traj.robot import Robot
 from gmr_traj.terms.tracking import Tracking
+from gmr_traj.threads import VARIABLE
 from gmr_traj.transcription import Nlp, transcribe
 from gmr_traj.variables import Variables
 
@@ -244,7 +245,7 @@ def test_functions_mapped_over_threads_give_the_same_to_the_bit(monkeypatch: pyt
     x = ca.SX.sym("x", 3)
     function = ca.Function("f", [x], [ca.sin(x) * ca.sumsqr(x) / 3])
     values = np.random.default_rng(0).normal(size=(3, 1001))
-    monkeypatch.setattr(assembly, "_THREADS", 2)
+    monkeypatch.setenv(VARIABLE, "2")
     two = np.array(assembly.mapped(function, 1001)(values))
-    monkeypatch.setattr(assembly, "_THREADS", 1)
+    monkeypatch.setenv(VARIABLE, "1")
     np.testing.assert_array_equal(np.array(assembly.mapped(function, 1001)(values)), two)

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import casadi as ca
 import numpy as np
 
+from gmr_traj.band.products import Products
 from gmr_traj.constraints import Block
 from gmr_traj.frame_costs import gauss_newton
 from gmr_traj.frames import Frames, filled
 from gmr_traj.residuals import FrameResidual
 
-# Frames whose Hessians are multiplied out at a time, so that the whole matrices need no memory.
-_CHUNK = 512
+# About how often a program is evaluated.
+_EVALUATIONS = 10
 
 
 class Cost:
@@ -23,26 +25,24 @@ class Cost:
     def __init__(self, residual: FrameResidual) -> None:
         functions, parameters = gauss_newton(residual)
         joint, columns = functions.joint, residual.columns.T
-        self._frames = Frames(joint, residual.columns, parameters)
+        self._frames = Frames(joint, residual.columns, parameters, _EVALUATIONS)
         self.gradient_at = columns[np.array(joint.sparsity_out(1).row(), np.int64)].ravel()
         # Half the memory of long integers, for millions of pairs.
-        self._columns = residual.columns.astype(np.int32)
-        self._pairs = tuple(np.array(k, np.int64) for k in joint.sparsity_out(2).get_triplet())
-        self._factored = functions.factored
-        if self._factored:
+        self._columns = np.ascontiguousarray(columns, np.int32)
+        self._pairs = _places(joint, 2)
+        self._products: Products | None = None
+        if functions.factored:
             named, j = np.unique(self._pairs[1], return_inverse=True)
-            self._factor, self._lower = (self._pairs[0], j), np.tril_indices(len(named))
-            self._weight = tuple(np.array(k, np.int64) for k in joint.sparsity_out(3).get_triplet())
-            self._products = np.zeros((len(residual.frames), len(self._lower[0])))
-            self._pairs = tuple(named[k] for k in self._lower)
+            factor, weight = self._frames.outputs[2:]
+            self._products = Products((self._pairs[0], j), factor, _places(joint, 3), weight)
+            i, j = self._products.at
+            self._pairs = named[i], named[j]
 
     @property
     def hessian_at(self) -> tuple[np.ndarray, np.ndarray]:
         """Pairs of unknowns that entries of the Hessian belong to; made when they are asked for, once."""
         i, j = self._pairs
-        if self._factored:  # frame after frame
-            return self._columns[:, i].ravel(), self._columns[:, j].ravel()
-        return self._columns.T[i].ravel(), self._columns.T[j].ravel()
+        return self._columns[i].ravel(), self._columns[j].ravel()
 
     def at(self, x: np.ndarray) -> float:
         """Evaluate all; returns the cost."""
@@ -54,21 +54,18 @@ class Cost:
         """Entries of the gradient."""
         return self._frames.outputs[1].ravel()
 
-    @property
-    def hessian(self) -> np.ndarray:
-        """Entries of the Hessian's model."""
-        if not self._factored:
-            return self._frames.outputs[2].ravel()
-        factor, weight = self._frames.outputs[2:]
-        (i, j), (a, b) = self._factor, self._weight
-        rows = int(a.max()) + 1
-        for first in range(0, factor.shape[1], _CHUNK):
-            here = slice(first, min(first + _CHUNK, factor.shape[1]))
-            s = np.zeros((here.stop - first, rows, int(j.max()) + 1))
-            w = np.zeros((here.stop - first, rows, rows))
-            s[:, i, j], w[:, a, b] = factor[:, here].T, weight[:, here].T
-            self._products[here] = np.matmul(s.transpose(0, 2, 1), w @ s)[:, *self._lower]
-        return self._products.ravel()
+    def hessian(self, out: np.ndarray) -> None:
+        """Write the entries of the Hessian's model.  # (e,)"""
+        if self._products is None:
+            out[:] = self._frames.outputs[2].ravel()
+        else:
+            self._products.multiply(out.reshape(len(self._pairs[0]), -1))
+
+
+def _places(function: ca.Function, output: int) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and columns of an output's nonzeros."""
+    rows, columns = function.sparsity_out(output).get_triplet()
+    return np.array(rows, np.int64), np.array(columns, np.int64)
 
 
 class Rows:
@@ -94,8 +91,8 @@ class Rows:
         frame, row = np.divmod(block.kept, m)
         self._kept = row * count + frame
         self._function = residual.value
-        self._value = Frames(residual.value, residual.columns, residual.parameters)
-        self._jacobian = Frames(residual.jacobian, residual.columns, residual.parameters)
+        self._value = Frames(residual.value, residual.columns, residual.parameters, _EVALUATIONS)
+        self._jacobian = Frames(residual.jacobian, residual.columns, residual.parameters, _EVALUATIONS)
         self._i, j = (np.array(k, np.int64) for k in residual.jacobian.sparsity_out(0).get_triplet())
         named, self._j = np.unique(j, return_inverse=True)
         position = np.full((m, count), -1)

@@ -26,7 +26,8 @@ _CONSTANTS: list[Any] = []
 
 
 @cache
-def _routine(name: str) -> Callable[..., None]:
+def _address(name: str) -> int:
+    """Where SciPy has a routine."""
     exported = (cython_lapack if name == "dpotrf" else cython_blas).__pyx_capi__[name]
     name_of, pointer_of = ctypes.pythonapi.PyCapsule_GetName, ctypes.pythonapi.PyCapsule_GetPointer
     name_of.restype, name_of.argtypes = ctypes.c_char_p, [ctypes.py_object]
@@ -34,8 +35,21 @@ def _routine(name: str) -> Callable[..., None]:
     signature: bytes = name_of(exported)
     if b"int *" not in signature:
         raise SolverError(f"SciPy's {name} does not count in C's int, as it always has: {signature.decode()}")
-    address = pointer_of(exported, signature)
-    return ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * _ARGUMENTS[name])(address)
+    address: int = pointer_of(exported, signature)
+    return address
+
+
+@cache
+def _routine(name: str) -> Callable[..., None]:
+    return ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * _ARGUMENTS[name])(_address(name))
+
+
+@cache
+def addresses() -> int:
+    """The address of a list of the routines' addresses, in the order of ``Routines`` in band.c."""
+    names = ("dpotrf", "dtrsm", "dsyrk", "dtrsv", "dgemv")
+    _CONSTANTS.append((ctypes.c_void_p * len(names))(*map(_address, names)))
+    return ctypes.addressof(_CONSTANTS[-1])
 
 
 @lru_cache(maxsize=None, typed=True)

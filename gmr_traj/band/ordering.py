@@ -12,6 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gmr_traj.kernels.library import arguments, kernels
+
 #: Rows and columns of a symmetric matrix' entries, on either side of the diagonal, once or more often.
 Couplings = Sequence[tuple[np.ndarray, np.ndarray]]
 
@@ -34,6 +36,11 @@ class Ordering:
     across: np.ndarray
 
 
+def as_numbers(couplings: Couplings) -> Couplings:
+    """The same as arrays that the kernels can read."""
+    return [(np.ascontiguousarray(i, np.int32), np.ascontiguousarray(j, np.int32)) for i, j in couplings]
+
+
 def order(frames: np.ndarray, couplings: Couplings) -> Ordering:
     """Blocks for a symmetric matrix.
 
@@ -43,18 +50,11 @@ def order(frames: np.ndarray, couplings: Couplings) -> Ordering:
         couplings: places of the matrix' entries.
     """
     n = len(frames)
+    couplings = as_numbers(couplings)
     known = frames >= 0
-    size, pairs = 1, [np.zeros(0, np.int64)]
-    for one, other in couplings:
-        both = known[one] & known[other]
-        if both.all():
-            size = max(size, int(np.abs(frames[one] - frames[other]).max(initial=0)))
-            continue
-        size = max(size, int(np.abs(frames[one[both]] - frames[other[both]]).max(initial=0)))
-        loose = ~both & (one != other)
-        ends = one[loose].astype(np.int64), other[loose].astype(np.int64)
-        pairs.append(np.maximum(*ends) * n + np.minimum(*ends))
-    distinct = np.unique(np.concatenate(pairs))
+    size, pairs = _reach_of_frames(frames, couplings)
+    distinct = np.sort(pairs)
+    distinct = distinct[np.flatnonzero(np.diff(distinct, prepend=-1))]
     rows, columns = distinct // n, distinct % n
     place = np.where(known, frames // size, -1)
     low, high = np.full(n, np.iinfo(np.int64).max), np.full(n, -1)
@@ -85,13 +85,47 @@ def order(frames: np.ndarray, couplings: Couplings) -> Ordering:
     return Ordering(np.split(inside, borders), who, first[who], last[who], _across(place, carried, couplings))
 
 
-def _across(place: np.ndarray, carried: np.ndarray, couplings: Couplings) -> np.ndarray:
+def _reach_of_frames(frames: np.ndarray, couplings: Couplings) -> tuple[int, np.ndarray]:
+    """How far couplings reach.
+
+    Returns:
+        the largest distance in frames of two unknowns that couple, at least 1; all couplings with unknowns of no
+        frame, the greater index times n plus the other.
+    """
+    n, size, library = len(frames), 1, kernels()
+    pairs = [np.zeros(0, np.int64)]
+    for one, other in couplings:
+        if library is not None:
+            most = np.array([size])
+            count = library.layout_reach(*arguments(len(one), one, other, frames, n, most, None))
+            if count:
+                pairs.append(np.empty(count, np.int64))
+                library.layout_reach(*arguments(len(one), one, other, frames, n, most, pairs[-1]))
+            size = int(most[0])
+            continue
+        both = (frames[one] >= 0) & (frames[other] >= 0)
+        size = max(size, int(np.abs(frames[one[both]] - frames[other[both]]).max(initial=0)))
+        loose = ~both & (one != other)
+        ends = one[loose].astype(np.int64), other[loose].astype(np.int64)
+        pairs.append(np.maximum(*ends) * n + np.minimum(*ends))
+    return size, np.concatenate(pairs)
+
+
+def _across(block: np.ndarray, carried: np.ndarray, couplings: Couplings) -> np.ndarray:
     """Pairs of local unknowns in neighbouring blocks, the earlier one first.  # (2, m)"""
+    library = kernels()
     pairs = [np.zeros((2, 0), np.int64)]
     for one, other in couplings:
-        apart = (place[one] != place[other]) & ~carried[one] & ~carried[other]
+        if library is not None:
+            given = arguments(len(one), one, other, block, carried)
+            count = library.layout_across(*given, *arguments(None, None))
+            if count:
+                pairs.append(np.empty((2, count), np.int64))
+                library.layout_across(*given, *arguments(*pairs[-1]))
+            continue
+        apart = (block[one] != block[other]) & ~carried[one] & ~carried[other]
         rows, columns = one[apart], other[apart]
-        forth = place[rows] < place[columns]
+        forth = block[rows] < block[columns]
         pairs.append(np.stack([np.where(forth, rows, columns), np.where(forth, columns, rows)]))
     return np.concatenate(pairs, axis=1)
 

@@ -14,7 +14,7 @@ import scipy.sparse as sp
 from gmr_traj.assembly import widen
 from gmr_traj.band.blocks import Cost, Rows
 from gmr_traj.band.cholesky import BlockCholesky
-from gmr_traj.band.ordering import order
+from gmr_traj.band.ordering import as_numbers, order
 from gmr_traj.formulation import Formulation
 from gmr_traj.residuals import LinearResidual
 
@@ -78,8 +78,11 @@ class Program:
         shares += [(entries // n, entries % n), (np.arange(n), np.arange(n))]
         frames = np.full(n, -1)
         frames[variables.steps] = np.arange(variables.frames)[:, None]
-        self.factor = BlockCholesky(order(frames, shares), n)
-        self._adders = [_Adder(self.factor.places(i, j), self.factor.store.size) for i, j in shares]
+        couplings = as_numbers(shares)
+        self.factor = BlockCholesky(order(frames, couplings), n, couplings)
+        ends = np.cumsum([len(i) for i, _ in shares])
+        self._values = np.zeros(ends[-1])
+        self._shares = np.split(self._values, ends[:-1])
 
     def at(self, x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         """Objective, gradient and constraint rows; derivatives are kept.
@@ -110,40 +113,16 @@ class Program:
             sigma_rows: weights of the rows.  # (m,)
             right: the first right-hand side that will be asked for.  # (nx,)
         """
-        store = self.factor.store
-        store[:] = 0.0
-        shares = [self._quadratic_entries, *(cost.hessian for cost in self._costs)]
+        shares = iter(self._shares)
+        next(shares)[:] = self._quadratic_entries
+        for cost in self._costs:
+            cost.hessian(next(shares))
         for block in self._blocks:
-            shares += block.products(sigma_rows[block.span])
-        shares += [self._fixed_products @ sigma_rows, sigma_unknowns]
-        for adder, share in zip(self._adders, shares, strict=True):
-            adder.add(store, share)
-        return self.factor.factor(right)
-
-
-# So many places are sooner marked than sorted.
-_MANY = 2_000_000
-
-
-class _Adder:
-    """Adds values at places of which some may be named more than once."""
-
-    def __init__(self, places: np.ndarray, size: int) -> None:
-        self._places = places
-        if len(places) < _MANY:
-            self._once = not np.any(np.diff(np.sort(places)) == 0)
-            if not self._once:
-                self._places, self._which = np.unique(places, return_inverse=True)
-            return
-        named = np.zeros(size, bool)
-        named[places] = True
-        self._once = np.count_nonzero(named) == len(places)
-        if not self._once:
-            self._places = np.flatnonzero(named)
-            self._which = (np.cumsum(named, dtype=np.int32) - 1)[places].astype(np.int64)
-
-    def add(self, store: np.ndarray, values: np.ndarray) -> None:
-        store[self._places] += values if self._once else np.bincount(self._which, values, len(self._places))
+            for values in block.products(sigma_rows[block.span]):
+                next(shares)[:] = values
+        next(shares)[:] = self._fixed_products @ sigma_rows
+        next(shares)[:] = sigma_unknowns
+        return self.factor.factor(self._values, right)
 
 
 def _products(matrix: sp.csr_array) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

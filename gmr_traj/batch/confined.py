@@ -15,9 +15,15 @@ from pathlib import Path
 from gmr_traj.batch.clip_server import Watched
 from gmr_traj.batch.settings import Limits
 from gmr_traj.batch.work import Work
+from gmr_traj.threads import VARIABLE
 
-# One thread each: the results must not depend on how many compute.
-THREADS: Mapping[str, str] = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+# One thread each: every core has a clip of its own, and BLAS' results must not depend on how many compute.
+THREADS: Mapping[str, str] = {
+    VARIABLE: "1",
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+    "MKL_NUM_THREADS": "1",
+}
 _own = threading.local()
 
 

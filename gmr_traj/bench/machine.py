@@ -9,11 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from gmr_traj.batch.fingerprint import versions
+from gmr_traj.kernels.library import description
 from gmr_traj.machine_code import compiler
+from gmr_traj.threads import threads
 
 
 def machine() -> dict[str, Any]:
-    """Processor, cores that may be used, memory [GB], system, and the C compiler that makes machine code, if any."""
+    """Processor, cores that may be used, memory [GB], system, C compiler if any, and what the inner loops run on."""
     cores = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else range(os.cpu_count() or 1)
     return {
         "processor": _processor(),
@@ -21,6 +23,8 @@ def machine() -> dict[str, Any]:
         "memory_gigabytes": round(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9, 1),
         "system": platform.platform(),
         "compiler": compiler(),
+        "kernels": description(),
+        "threads": threads(),
     }
 
 

@@ -218,6 +218,8 @@ def _hand_over(arguments: Bench, results: Results) -> None:
             _title(results), arguments.repeats, results.sides, results.growth, results.skipped
         ):
             screen.print(line, markup=False) if isinstance(line, str) else screen.print(line)
+        here = machine()
+        screen.print(f"refine's inner loops: {here['kernels']}, threads: {here['threads']}", markup=False)
 
 
 def _title(results: Results) -> str:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import ctypes
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import fcl
@@ -11,6 +12,7 @@ import numpy as np
 
 from gmr_traj.collision.capsules import radii, world_segments
 from gmr_traj.collision.segments import Array, distance
+from gmr_traj.kernels.library import address, arguments, kernels
 from gmr_traj.robot import Robot
 
 #: Frames whose swept boxes are searched together. Longer chunks mean fewer searches and more false alarms.
@@ -18,6 +20,15 @@ CHUNK = 128
 
 #: Added to every box [m], so that rounding can lose no pair whose clearance equals the margin.
 ROUNDING = 1e-9
+
+
+class _Capsules(ctypes.Structure):
+    """What ``Capsules`` is in segments.c."""
+
+    _fields_ = (
+        *((name, ctypes.c_int64) for name in ("frames", "pairs")),
+        *((name, ctypes.c_void_p) for name in ("starts", "ends", "pair", "radii", "reach")),
+    )
 
 
 @dataclass(frozen=True)
@@ -48,7 +59,7 @@ def candidates(
     Per chunk of frames each capsule is swept into one axis-aligned box, inflated by its radius and half the margin;
     python-fcl's AABB tree reports the boxes that overlap, and in every frame of the chunk first the spheres around the
     capsules and then the closed form decide.  All of that as seen from the base, so that a robot that walks or turns
-    sweeps no more than one that stands.
+    sweeps no more than one that stands.  Compiled, the spheres alone take less time than the boxes.
 
     Args:
         robot: its ``collision_pairs`` are searched.
@@ -65,8 +76,11 @@ def candidates(
     base = rotations[:, :1]
     seen = np.einsum("tkji,tbj->tbi", base, positions - positions[:, :1]), base.swapaxes(2, 3) @ rotations
     starts, ends = world_segments(robot, *seen)  # (T, C, 3)
-    middles, halves = 0.5 * (starts + ends), 0.5 * np.linalg.norm(ends - starts, axis=2).max(axis=0)
     radius = radii(robot)
+    library = kernels()
+    if library is not None:
+        return _all_frames(library, robot.collision_pairs, starts, ends, radius, margin)
+    middles, halves = 0.5 * (starts + ends), 0.5 * np.linalg.norm(ends - starts, axis=2).max(axis=0)
     inflation = np.maximum(radius + 0.5 * margin, 0.0) + ROUNDING
     close = _chunks_of_pairs(robot, starts, ends, inflation, chunk)
     out = []
@@ -84,6 +98,30 @@ def candidates(
         if chosen.any():
             out.append(Candidate((i, j), frames[chosen], gap[chosen]))
     return out
+
+
+def _all_frames(
+    library: ctypes.CDLL, pairs: Sequence[tuple[int, int]], starts: Array, ends: Array, radius: Array, margin: float
+) -> list[Candidate]:
+    """The same by spheres and the closed form in all frames."""
+    starts, ends = (np.ascontiguousarray(points.transpose(1, 0, 2)) for points in (starts, ends))
+    span = ends - starts
+    halves = 0.5 * np.sqrt(np.einsum("cti,cti->ct", span, span).max(axis=1))
+    both = np.array(pairs)
+    i, j = both.T
+    sums = radius[i] + radius[j]
+    reach = np.maximum(sums + halves[i] + halves[j] + margin + ROUNDING, 0.0)
+    given = _Capsules(starts.shape[1], len(both), *map(address, (starts, ends, both, sums, reach)))
+    counts, room = np.empty(len(both), np.int64), 32 * (starts.shape[1] + len(both))
+    while True:
+        frames, clearance = np.empty(room, np.int64), np.empty(room)
+        found = library.segments_close(ctypes.byref(given), *arguments(margin, room, counts, frames, clearance))
+        if found <= room:
+            break
+        room = found
+    cuts = np.cumsum(counts)
+    parts = zip(pairs, np.split(frames[:found], cuts[:-1]), np.split(clearance[:found], cuts[:-1]), strict=True)
+    return [Candidate(pair, at.astype(np.intp), gap.copy()) for pair, at, gap in parts if at.size]
 
 
 def renewed(found: list[Candidate], frames: np.ndarray, fresh: list[Candidate]) -> list[Candidate]:

@@ -18,6 +18,34 @@ from gmr_traj.robot import Robot
 
 
 @dataclass(frozen=True)
+class _Link:
+    """A body of a limb in numbers.
+
+    Attributes:
+        body, parent: indices into ``robot.body_names``.
+        position, rotation: of the body in its parent's frame [m].  # (3,), (3, 3)
+        joint: which of the limb's joints moves it, None where none does.
+        zero: the joint's angle at which the body is placed like that [rad].
+        axis, offset: of the joint in the body's frame; a point on its line [m].  # (3,), (3,)
+        across: ``across @ v = axis x v``.  # (3, 3)
+        capsules: rows of ``Limb.capsules``.
+        ends: their end points in the body's frame, start and end in turn [m].  # (3, 2 m)
+    """
+
+    body: int
+    parent: int
+    position: Array
+    rotation: Array
+    joint: int | None
+    zero: float
+    axis: Array
+    offset: Array
+    across: Array
+    capsules: list[int]
+    ends: Array
+
+
+@dataclass(frozen=True)
 class Limb:
     """One branch of the tree.
 
@@ -55,6 +83,37 @@ class Limb:
         return [b for b in self.bodies if int(self.robot.model.body_jntnum[b + 1])]
 
     @cached_property
+    def _links(self) -> list[_Link]:
+        """Its bodies as numbers, parents first."""
+        model, robot, out = self.robot.model, self.robot, []
+        for body in self.bodies:
+            joint, zero, axis, offset = None, 0.0, np.zeros(3), np.zeros(3)
+            if body in self._moved:
+                index = int(model.body_jntadr[body + 1])
+                joint, zero = self._moved.index(body), float(model.qpos0[int(model.jnt_qposadr[index])])
+                axis, offset = np.array(model.jnt_axis[index]), np.array(model.jnt_pos[index])
+            mine = [row for row, c in enumerate(self.capsules) if robot.capsules[c].body == robot.body_names[body]]
+            capsules = [robot.capsules[self.capsules[row]] for row in mine]
+            ends = [end for capsule in capsules for end in (capsule.start, capsule.end)]
+            x, y, z = axis
+            out.append(
+                _Link(
+                    body=body,
+                    parent=int(model.body_parentid[body + 1]) - 1,
+                    position=np.array(model.body_pos[body + 1]),
+                    rotation=_matrix(model.body_quat[body + 1]),
+                    joint=joint,
+                    zero=zero,
+                    axis=axis,
+                    across=np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]),
+                    offset=offset,
+                    capsules=mine,
+                    ends=np.array(ends).reshape(-1, 3).T,
+                )
+            )
+        return out
+
+    @cached_property
     def _moves(self) -> Array:
         """Which joint moves which capsule.  # (C, k)"""
         model, names = self.robot.model, self.robot.body_names
@@ -76,35 +135,36 @@ class Limb:
         Returns:
             points [m], the joints' anchors [m] and unit axes.  # (N, C, 2, 3), (N, k, 3), (N, k, 3)
         """
-        model, count = self.robot.model, len(angles)
+        count = len(angles)
         where = {self.root: (np.zeros((count, 3)), np.broadcast_to(np.eye(3), (count, 3, 3)))}
         anchors, axes = np.empty((2, count, len(self._moved), 3))
-        for body in self.bodies:
-            position, rotation = where[int(model.body_parentid[body + 1]) - 1]
-            position = position + rotation @ model.body_pos[body + 1]
-            rotation = rotation @ _matrix(model.body_quat[body + 1])
-            if body in self._moved:
-                k = self._moved.index(body)
-                joint = int(model.body_jntadr[body + 1])
-                axis, offset = np.asarray(model.jnt_axis[joint]), np.asarray(model.jnt_pos[joint])
-                anchors[:, k], axes[:, k] = position + rotation @ offset, rotation @ axis
-                zero = float(model.qpos0[int(model.jnt_qposadr[joint])])
-                rotation = rotation @ _turns(axis, angles[:, k] - zero)
-                position = anchors[:, k] - rotation @ offset
-            where[body] = (position, rotation)
         points = np.empty((count, len(self.capsules), 2, 3))
-        for row, c in enumerate(self.capsules):
-            capsule = self.robot.capsules[c]
-            position, rotation = where[self.robot.body_names.index(capsule.body)]
-            points[:, row, 0] = position + rotation @ capsule.start
-            points[:, row, 1] = position + rotation @ capsule.end
+        for link in self._links:
+            position, rotation = where[link.parent]
+            position = position + _times(rotation, link.position)
+            rotation = _times(rotation, link.rotation)
+            if link.joint is not None:
+                k, turn = link.joint, angles[:, link.joint] - link.zero
+                anchors[:, k] = position + _times(rotation, link.offset)
+                axes[:, k] = _times(rotation, link.axis)
+                # R (I + sin(a) K + (1 - cos(a)) K^2)
+                sine, cosine = np.sin(turn)[:, None, None], np.cos(turn)[:, None, None]
+                across = _times(rotation, link.across)
+                rotation = rotation + sine * across + (1.0 - cosine) * _times(across, link.across)
+                position = anchors[:, k] - _times(rotation, link.offset)
+            where[link.body] = (position, rotation)
+            if link.capsules:
+                ends = _times(rotation, link.ends).transpose(0, 2, 1) + position[:, None]
+                points[:, link.capsules] = ends.reshape(count, -1, 2, 3)
         return points, anchors, axes
 
     def jacobian(self, points: Array, anchors: Array, axes: Array) -> Array:
         """Derivatives of the end points by the joints: ``a_k x (p - o_k)``.  # (N, C, 2, k, 3)"""
-        arms = points[:, :, :, None, :] - anchors[:, None, None]
-        turned = np.cross(np.broadcast_to(axes[:, None, None], arms.shape), arms)
-        return np.asarray(turned * self._moves[None, :, None, :, None])
+        x, y, z = np.moveaxis(points[:, :, :, None, :] - anchors[:, None, None], -1, 0)
+        u, v, w = np.moveaxis(axes[:, None, None], -1, 0)
+        out = np.stack([v * z - w * y, w * x - u * z, u * y - v * x], axis=-1)
+        out *= self._moves[None, :, None, :, None]
+        return out
 
 
 def limbs(robot: Robot) -> list[Limb]:
@@ -136,9 +196,6 @@ def _matrix(quaternion: Array) -> Array:
     return out.reshape(3, 3)
 
 
-def _turns(axis: Array, angles: Array) -> Array:
-    """Rotations about one unit axis: ``I + sin(a) K + (1 - cos(a)) K^2``.  # (N, 3, 3)"""
-    x, y, z = axis
-    k = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    sine, cosine = np.sin(angles)[:, None, None], np.cos(angles)[:, None, None]
-    return np.asarray(np.eye(3) + sine * k + (1.0 - cosine) * (k @ k))
+def _times(matrices: Array, right: Array) -> Array:
+    """Matrices, ``(N, 3, 3)``, times one of three rows or a vector, all at once: NumPy takes them one by one."""
+    return np.asarray((matrices.reshape(-1, 3) @ right).reshape(len(matrices), 3, *right.shape[1:]))

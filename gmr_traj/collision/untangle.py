@@ -14,7 +14,10 @@ at the clip's own configurations around the tangle, and is then drawn tight in a
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -85,11 +88,11 @@ def untangle(robot: Robot, motion: RobotMotion) -> tuple[RobotMotion, list[Tangl
         limb = max(waiting, key=lambda limb: _total_depth(limb, overlaps))
         waiting.remove(limb)
         qpos = motion.qpos.copy()
-        for first, last in stretches[limb.bodies]:
-            span = slice(max(0, first - 2), min(len(qpos), last + 3))
-            pinned = (first > 1, last + 2 < len(qpos))
-            qpos[span, 7 + limb.joints] = _around_the_body(robot, limb, qpos[span], motion.fps, pinned)
-            found.append(Tangle(limb, first, last))
+        spans = [slice(max(0, first - 2), min(len(qpos), last + 3)) for first, last in stretches[limb.bodies]]
+        stretch = [_stretch(robot, limb, qpos, span, motion.fps) for span in spans]
+        for span, angles in zip(spans, _around_the_body(stretch), strict=True):
+            qpos[span, 7 + limb.joints] = angles
+        found += [Tangle(limb, first, last) for first, last in stretches[limb.bodies]]
         changed = np.flatnonzero((qpos != motion.qpos).any(axis=1))
         motion = motion.with_qpos(qpos)
         for of_all, of_changed in zip(at, placements(robot, qpos[changed]), strict=True):
@@ -103,17 +106,59 @@ def _total_depth(limb: Limb, overlaps: list[Candidate]) -> float:
     return float(sum(-c.clearance.sum() for c in overlaps if (c.pair[0] in mine) != (c.pair[1] in mine)))
 
 
-def _around_the_body(robot: Robot, limb: Limb, qpos: Array, fps: float, pinned: tuple[bool, bool]) -> Array:
-    """Joint angles of the limb in the frames of a tangle; the first and last two stay where they are pinned."""
-    parts = max(1, math.ceil(RATE / fps))
-    frame = np.arange(parts * (len(qpos) - 1) + 1) / parts
-    fine = np.stack([np.interp(frame, np.arange(len(qpos)), column) for column in qpos.T], axis=1)
-    fine[:, :7] = qpos[0, :7]  # only where the bodies are relative to each other matters
+@dataclass(frozen=True)
+class _Stretch:
+    """The frames of a tangle and two more on either side, seen more often than they are where they are far apart.
+
+    Attributes:
+        around: the surroundings, with all pairs.
+        near: pairs that come near each other.  # (P,)
+        wanted: joint angles of the limb [rad].  # (T, k)
+        rate: frames per second.
+        parts: that every frame of the clip was divided into.
+        pinned: whether the first two and the last two frames of the clip stay.
+    """
+
+    around: Surroundings
+    near: np.ndarray
+    wanted: Array
+    rate: float
+    parts: int
+    pinned: tuple[bool, bool]
+
+    @cached_property
+    def knots(self) -> np.ndarray:
+        """Frames between which the path is straight.  # (K,)"""
+        count = max(2, round((len(self.wanted) - 1) / (KNOT * self.rate)) + 1)
+        return np.unique(np.linspace(0, len(self.wanted) - 1, count).round().astype(int))
+
+    @cached_property
+    def fixed(self) -> np.ndarray:
+        """Which frames stay.  # (T,)"""
+        frame, frames = np.arange(len(self.wanted)) / self.parts, (len(self.wanted) - 1) // self.parts
+        return ((frame <= 1) & self.pinned[0]) | ((frame >= frames - 1) & self.pinned[1])
+
+
+def _stretch(robot: Robot, limb: Limb, qpos: Array, span: slice, fps: float) -> _Stretch:
+    """What surrounds a limb in some frames of a clip."""
+    parts, here = max(1, math.ceil(RATE / fps)), qpos[span]
+    frame = np.arange(parts * (len(here) - 1) + 1) / parts
+    fine = np.stack([np.interp(frame, np.arange(len(here)), column) for column in here.T], axis=1)
+    fine[:, :7] = here[0, :7]  # only where the bodies are relative to each other matters
     wanted = fine[:, 7 + limb.joints]
-    around = _surroundings(robot, limb, *placements(robot, fine)).within(wanted, REACH)
-    fixed = ((frame <= 1) & pinned[0]) | ((frame >= len(qpos) - 2) & pinned[1])
-    path = _path(around, wanted, parts * fps, pinned)
-    return relax(around, wanted, path, MARGIN, 1.0 / (parts * fps), fixed)[::parts]
+    around = _surroundings(robot, limb, *placements(robot, fine))
+    pinned = span.start > 0, span.stop < len(qpos)
+    return _Stretch(around, around.nearer(wanted, REACH), wanted, parts * fps, parts, pinned)
+
+
+def _around_the_body(stretches: Sequence[_Stretch]) -> list[Array]:
+    """Joint angles of the limb in the clip's frames of every stretch."""
+    out = []
+    for stretch, path in zip(stretches, _paths(stretches), strict=True):
+        around = stretch.around.only(stretch.near)
+        angles = relax(around, stretch.wanted, path, MARGIN, 1.0 / stretch.rate, stretch.fixed)
+        out.append(angles[:: stretch.parts])
+    return out
 
 
 def _surroundings(robot: Robot, limb: Limb, positions: Array, rotations: Array) -> Surroundings:
@@ -132,12 +177,25 @@ def _surroundings(robot: Robot, limb: Limb, positions: Array, rotations: Array) 
     )
 
 
-def _path(around: Surroundings, wanted: Array, fps: float, pinned: tuple[bool, bool]) -> Array:
-    """Joint angles of the limb in every frame of a tangle and beside it: a polygon through ways out, shape (T, k)."""
-    frames = len(wanted)
-    knots = np.unique(np.linspace(0, frames - 1, max(2, round((frames - 1) / (KNOT * fps)) + 1)).round().astype(int))
-    angles, used = ways_out(around.at(knots), wanted[knots])  # (K, M, k), (K, M)
-    for end, pin in zip((0, -1), pinned, strict=True):
+def _paths(stretches: Sequence[_Stretch]) -> list[Array]:
+    """Joint angles of the limb in every frame of every stretch: polygons through ways out.  # (T, k) each"""
+    # Looked for in the knots of all stretches at once: a few long vectors instead of many short ones.
+    first = stretches[0].around
+    near = np.any([stretch.near for stretch in stretches], axis=0)
+    ends = np.concatenate([stretch.around.ends[stretch.knots] for stretch in stretches])
+    wanted = np.concatenate([stretch.wanted[stretch.knots] for stretch in stretches])
+    angles, used = ways_out(replace(first, ends=ends).only(near), wanted)  # (K, M, k), (K, M)
+    cuts = np.cumsum([len(stretch.knots) for stretch in stretches])[:-1]
+    return [
+        _path(stretch, *ways)
+        for stretch, *ways in zip(stretches, np.split(angles, cuts), np.split(used, cuts), strict=True)
+    ]
+
+
+def _path(stretch: _Stretch, angles: Array, used: np.ndarray) -> Array:
+    """The best polygon through some of a stretch's ways out, in every frame.  # (T, k)"""
+    around, wanted, knots, fps = stretch.around.only(stretch.near), stretch.wanted, stretch.knots, stretch.rate
+    for end, pin in zip((0, -1), stretch.pinned, strict=True):
         if pin:
             used[end, 1:] = False
             angles[end, 0], used[end, 0] = wanted[knots[end]], True
@@ -145,14 +203,15 @@ def _path(around: Surroundings, wanted: Array, fps: float, pinned: tuple[bool, b
     borders = np.concatenate([knots[:1], 0.5 * (knots[1:] + knots[:-1]), knots[-1:]])
     share = np.diff(borders)[:, None] / fps
     own = np.where(used, share * cost(around.at(knots), points, wanted[knots]), np.inf)
+    ways = [np.flatnonzero(there) for there in used]
+    between = _depths_between(around, knots, [angles[k, way] for k, way in enumerate(ways)])
     best, came = own[0], np.zeros(used.shape, dtype=np.intp)
     for k in range(1, knots.size):
-        one, two = np.flatnonzero(used[k - 1]), np.flatnonzero(used[k])
+        one, two = ways[k - 1], ways[k]
         dt = (knots[k] - knots[k - 1]) / fps
         moved = mean_square(points[k][None, two] - points[k - 1][one, None])
         moved += ARM**2 * ((angles[k][None, two] - angles[k - 1][one, None]) ** 2).mean(axis=-1)
-        between = _depth_between(around, knots[k - 1], knots[k], angles[k - 1][one], angles[k][two])
-        total = best[one, None] + TIME**2 / dt * moved + dt * DEPTH * between**2
+        total = best[one, None] + TIME**2 / dt * moved + dt * DEPTH * between[k - 1] ** 2
         came[k, two] = one[total.argmin(axis=0)]
         best = own[k].copy()
         best[two] += total.min(axis=0)
@@ -161,15 +220,32 @@ def _path(around: Surroundings, wanted: Array, fps: float, pinned: tuple[bool, b
     for k in range(knots.size - 1, -1, -1):
         path[k] = angles[k, state]
         state = int(came[k, state])
-    return np.stack([np.interp(np.arange(frames), knots, column) for column in path.T], axis=1)
+    return np.stack([np.interp(np.arange(len(wanted)), knots, column) for column in path.T], axis=1)
 
 
-def _depth_between(around: Surroundings, first: int, last: int, one: Array, two: Array) -> Array:
-    """Deepest penetration on the straight ways from configurations in one frame to those in another [m].  # (M, N)"""
-    out = np.zeros((len(one), len(two)))
-    for share in BETWEEN:
-        frame = np.array([first + round(share * (last - first))])
-        angles = (1.0 - share) * one[:, None] + share * two[None]
-        points = end_points(around, angles.reshape(1, out.size, -1))
-        out = np.maximum(out, deepest(around.at(frame), points).reshape(out.shape))
+def _depths_between(around: Surroundings, knots: np.ndarray, angles: list[Array]) -> list[Array]:
+    """Deepest penetration on the straight ways from each configuration in a knot to each in the next [m].
+
+    Args:
+        around: the surroundings in all frames.
+        knots: frames.  # (K,)
+        angles: configurations in each of them [rad].  # K of (M_k, k)
+
+    Returns:
+        depths.  # K - 1 of (M_k, M_k+1)
+    """
+    if len(knots) < 2:
+        return []
+    frames, ways = [], []
+    for (first, one), (last, two) in pairwise(zip(knots.tolist(), angles, strict=True)):
+        for share in BETWEEN:
+            ways.append(((1.0 - share) * one[:, None] + share * two[None]).reshape(-1, one.shape[1]))
+            frames.append(np.full(len(ways[-1]), first + round(share * (last - first))))
+    where = around.at(np.concatenate(frames))
+    depths = deepest(where, end_points(where, np.concatenate(ways)[:, None]))[:, 0]
+    out, begin = [], 0
+    for one, two in pairwise(angles):
+        shape = len(BETWEEN), len(one), len(two)
+        out.append(depths[begin : begin + math.prod(shape)].reshape(shape).max(axis=0))
+        begin += math.prod(shape)
     return out
