@@ -45,6 +45,8 @@ class Problem:
             to matter where they were not built.
         first: strategies for the first solve, each tried from where the last one stopped.
         again: strategies for a solve that starts near the solution.
+        otherwise: name or path of the problem to solve instead where a promise of the certificate is broken; None for
+            none.
     """
 
     name: str
@@ -53,6 +55,7 @@ class Problem:
     passes: int
     first: tuple[Attempt, ...]
     again: tuple[Attempt, ...]
+    otherwise: str | None = None
 
 
 def load_problem(name_or_path: str | Path = "refine") -> Problem:
@@ -67,6 +70,7 @@ def load_problem(name_or_path: str | Path = "refine") -> Problem:
     table = Table(path, "", problem_values(path), ProblemError)
     name = table.text("name")
     table.text("description", "")
+    otherwise = table.text("otherwise", "") or None
     passes = table.get("passes", 3, required=False)
     if not isinstance(passes, int) or isinstance(passes, bool) or not 1 <= passes <= 20:
         raise table.error(f"passes is {passes!r}; expected a whole number from 1 to 20")
@@ -76,7 +80,7 @@ def load_problem(name_or_path: str | Path = "refine") -> Problem:
     first, again = (tuple(_strategy(entry, options) for entry in solver.tables(key)) for key in ("first", "again"))
     solver.done()
     table.done()
-    return Problem(name, path, terms, passes, first, again)
+    return Problem(name, path, terms, passes, first, again, otherwise)
 
 
 def _term(table: Table) -> UsedTerm:

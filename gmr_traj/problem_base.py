@@ -3,8 +3,9 @@
     base = "refine"                  # a problem that ships with gmr-traj, or a path beside this file
     without = ["contact_wrench"]     # terms of the base to leave out
 
-Fields given here replace the base's.  A term of a type that the base has takes the fields that are not given from
-there; one of another type comes after the base's.  Tables of ``[solver]`` are replaced whole, but for its options.
+Fields given here replace the base's; its ``otherwise`` is not taken over.  A term of a type that the base has takes the
+fields that are not given from there; one of another type comes after the base's.  Tables of ``[solver]`` are replaced
+whole, but for its options.
 """
 
 from __future__ import annotations
@@ -36,6 +37,19 @@ def problem_files(path: Path) -> tuple[Path, ...]:
         path = beside if beside.suffix and beside.is_file() else resources.find("problems", table.text("base"))
 
 
+def files_that_count(path: Path) -> tuple[Path, ...]:
+    """A problem file, its bases, and those of the problem that may be solved instead.
+
+    Raises:
+        ResourceError: there is no such base, or no such other problem.
+        ProblemError: as :func:`problem_files`.
+    """
+    own = problem_files(path)
+    instead = read_toml(path, ProblemError).values.get("otherwise")
+    others = problem_files(resources.find("problems", instead)) if isinstance(instead, str) and instead else ()
+    return tuple(dict.fromkeys((*own, *others)))
+
+
 def problem_values(path: Path) -> dict[str, Any]:
     """The values of a problem file, its bases' filled in.
 
@@ -64,8 +78,10 @@ def _changed(values: dict[str, Any], table: Table) -> dict[str, Any]:
         _put(terms, entry)
     solver = {**values.get("solver", {}), **table.table("solver", required=False).values}
     solver["options"] = {**values.get("solver", {}).get("options", {}), **solver.get("options", {})}
+    # What to solve instead of the base may well be this very problem.
+    kept = {key: value for key, value in values.items() if key != "otherwise"}
     changed = {key: value for key, value in own.items() if key not in ("base", "without", "terms", "solver")}
-    return {**values, **changed, "terms": terms, "solver": solver}
+    return {**kept, **changed, "terms": terms, "solver": solver}
 
 
 def _put(terms: list[dict[str, Any]], entry: Table) -> None:

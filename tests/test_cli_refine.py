@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from gmr_traj.cli import refine as cli_refine
+from gmr_traj.cli import refine_otherwise
 from gmr_traj.cli.exit_codes import ExitCode
 from gmr_traj.cli.main import main
 from gmr_traj.contacts import schedule_json
@@ -58,6 +59,7 @@ def outcome(monkeypatch):
 
     monkeypatch.setattr(cli_refine, "refine", refine)
     monkeypatch.setattr(cli_refine, "certify", judge)
+    monkeypatch.setattr(refine_otherwise, "certify", judge)
     return wanted
 
 
@@ -204,7 +206,7 @@ def test_whatever_stops_the_solve_leaves_nothing_behind(clip, outcome, monkeypat
     def stop(*args, **kwargs):
         raise error
 
-    monkeypatch.setattr(cli_refine, "certify", stop)
+    monkeypatch.setattr(cli_refine, "physics_change", stop)
     assert main(["refine", "punch.npz"]) in (ExitCode.INTERRUPTED, ExitCode.INTERNAL_ERROR)
     assert written(clip.parent) == set()
 

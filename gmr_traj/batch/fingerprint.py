@@ -11,7 +11,7 @@ from pathlib import Path
 
 from gmr_traj import resources
 from gmr_traj._version import __version__
-from gmr_traj.problem_base import problem_files
+from gmr_traj.problem_base import files_that_count
 from gmr_traj.robot_toml import read_robot_toml
 
 # The packages whose arithmetic is in the results.
@@ -55,9 +55,9 @@ def resource_hashes(
     """
     files = {f"robot/{path.name}": path for path in _robot_files(robot)}
     if "refine" in steps:
-        own, *bases = problem_files(resources.find("problems", problem))
+        own, *others = files_that_count(resources.find("problems", problem))
         files["problem"] = own
-        files.update({f"problem/{base.name}": base for base in bases})
+        files.update({f"problem/{other.name}": other for other in others})
     for name in resources.names("configs"):
         if _counts(name, tuple(steps), human):
             files[f"configs/{name}"] = resources.find("configs", name)

@@ -17,6 +17,7 @@ from gmr_traj.cli.human_input import Start, start
 from gmr_traj.cli.refine import given_schedule, solve, write
 from gmr_traj.cli.refine_arguments import Refine
 from gmr_traj.cli.refine_lead import to_json, wanted_leads, with_leads
+from gmr_traj.cli.refine_otherwise import settle
 from gmr_traj.cli.verify import verify_clip
 from gmr_traj.cli.verify_arguments import Verify
 from gmr_traj.cli.verify_plan import make_plan
@@ -108,15 +109,22 @@ class Steps(ClipWork):
             begun, schedule, extended = self.extended(begun)
             held = None if extended is None else extended.held
             problem = load_problem(self.refine.problem)
-            refinement = solve(begun, schedule, self.refine, problem, held=held, kinematics=kinematics)
-            content["notes"], content["lead"] = list(begun.clip.notes), to_json(extended)
+            settled = settle(
+                begun.clip,
+                begun.robot,
+                problem,
+                lambda one: solve(begun, schedule, self.refine, one, held=held, kinematics=kinematics),
+            )
+            refinement = settled.refinement
+            content["notes"] = [*begun.clip.notes, *filter(None, [settled.note])]
+            content["solved"], content["lead"] = settled.problem, to_json(extended)
             content["solver"] = refinement.report.to_json()
             content["contacts"] = json.loads(schedule_json.to_json(refinement.schedule))
             if refinement.report.status == "not converged":
                 why = f"the solver did not converge: {refinement.report.solver_status}"
                 return Result(_plain(content), {}, f"{self.path}: {why}. {refinement.report.message}".strip(" ."))
             outputs["clip"] = self.name + (SUFFIXES[self.refine.format] if self.refine.format else self._suffix(human))
-            written = write(folder / outputs["clip"], begun, refinement, self.refine.format)
+            written = write(folder / outputs["clip"], begun, settled, self.refine.format)
             content["certificate"], content["audit"] = written.certificate.to_json(), written.audit
             content["physics"] = written.physics.to_json()
             content.pop("figures", None)  # the certificate has them as those before

@@ -15,6 +15,7 @@ from gmr_traj.cli import outputs, recordings, tables
 from gmr_traj.cli.exit_codes import ExitCode
 from gmr_traj.cli.human_input import Start, start
 from gmr_traj.cli.refine_lead import to_json, wanted_leads, with_leads
+from gmr_traj.cli.refine_otherwise import Settled, settle
 from gmr_traj.cli.terminal import console, progress
 from gmr_traj.collision.audit import audit
 from gmr_traj.contacts import schedule_json
@@ -75,15 +76,20 @@ def run(arguments: Refine) -> int:
         if leads is not None:
             begun, schedule, extended = with_leads(begun, schedule, leads)
             held = extended.held
-        refinement = solve(begun, schedule, arguments, problem, callback, held)
-    clip = begun.clip
+        settled = settle(
+            begun.clip,
+            begun.robot,
+            problem,
+            lambda one: solve(begun, schedule, arguments, one, callback, held),
+        )
+    clip, refinement = begun.clip, settled.refinement
     converged = refinement.report.status != "not converged"
     target = planned.clip if converged else planned.unconverged
     with outputs.staged(target) as staged:
-        written = write(staged, begun, refinement, arguments.format)
+        written = write(staged, begun, settled, arguments.format)
         certificate = written.certificate
         code = _exit_code(converged, certificate)
-        report = _report(arguments, method, target, clip, refinement, certificate, code)
+        report = _report(arguments, method, target, clip, settled, certificate, code)
         report["lead"] = to_json(extended)
         report["physics"] = written.physics.to_json()
         report["audit"] = written.audit
@@ -98,7 +104,7 @@ def run(arguments: Refine) -> int:
     if arguments.json:
         print(text, end="")
     elif not arguments.quiet:
-        _show(clip, target, refinement, written, code)
+        _show(clip, target, settled, written, code)
     if recording is not None:
         recordings.announce(recording, arguments)
     return code
@@ -134,24 +140,27 @@ def solve(
     )
 
 
-def write(path: Path, begun: Start, refinement: Refinement, file_format: str | None) -> Written:
+def write(path: Path, begun: Start, settled: Settled, file_format: str | None) -> Written:
     """Write a refined clip and measure what was written.
 
     Args:
         path: the file; an existing one is replaced.
         begun: what was refined.
-        refinement: what it came to.
+        settled: what it came to.
         file_format: format of the file; the input's where None.
 
     Raises:
         ClipError: the format cannot hold the clip.
     """
+    refinement = settled.refinement
     write_clip(grounded(begun, refinement.motion, refinement.schedule), path, format=file_format, robot=begun.robot)
     # Measured on the file as it was written, read back, not on what was meant to be written.
-    return read_back(path, begun, refinement.schedule, file_format)
+    return read_back(path, begun, refinement.schedule, file_format, settled)
 
 
-def read_back(path: Path, begun: Start, schedule: ContactSchedule, file_format: str | None) -> Written:
+def read_back(
+    path: Path, begun: Start, schedule: ContactSchedule, file_format: str | None, settled: Settled | None = None
+) -> Written:
     """Measure a refined clip that was written.
 
     Args:
@@ -159,10 +168,14 @@ def read_back(path: Path, begun: Start, schedule: ContactSchedule, file_format: 
         begun: what was refined.
         schedule: the stances it was planted by.
         file_format: that was asked for; the input's where None.
+        settled: what was written; its certificate is the file's where the file has the same motion.
     """
     clip, robot = begun.clip, begun.robot
     motion = read_clip(path, robot, format=file_format or clip.format, fps=clip.motion.fps).motion
-    certificate = certify(clip.motion, motion, robot, schedule, levelling=schedule.height, references=clip.references)
+    certificate = None if settled is None else settled.certificate_of(motion)
+    if certificate is None:
+        height, references = schedule.height, clip.references
+        certificate = certify(clip.motion, motion, robot, schedule, levelling=height, references=references)
     physics = physics_change(clip.motion, motion, robot, schedule.height)
     return Written(grounded(begun, motion, schedule), certificate, physics, _audit(motion, robot))
 
@@ -208,7 +221,7 @@ def _report(
     method: str | None,
     target: Path,
     clip: Clip,
-    refinement: Refinement,
+    settled: Settled,
     certificate: Certificate,
     code: ExitCode,
 ) -> dict[str, Any]:
@@ -222,19 +235,20 @@ def _report(
         "format": arguments.format or clip.format,
         "robot": arguments.robot,
         "problem": arguments.problem,
+        "solved": settled.problem,
         "exit_code": int(code),
         "meaning": code.meaning,
-        "notes": list(clip.notes),
+        "notes": [*clip.notes, *filter(None, [settled.note])],
         "certificate": certificate.to_json(),
-        "solver": refinement.report.to_json(),
-        "contacts": json.loads(schedule_json.to_json(refinement.schedule)),
+        "solver": settled.refinement.report.to_json(),
+        "contacts": json.loads(schedule_json.to_json(settled.refinement.schedule)),
     }
 
 
-def _show(clip: Clip, target: Path, refinement: Refinement, written: Written, code: ExitCode) -> None:
+def _show(clip: Clip, target: Path, settled: Settled, written: Written, code: ExitCode) -> None:
     """Print what was decided, what was solved, what it measures, and where it went."""
-    screen, report = console(), refinement.report
-    for note in clip.notes:
+    screen, report = console(), settled.refinement.report
+    for note in (*clip.notes, *filter(None, [settled.note])):
         screen.print(f"note: {note}", markup=False)
     frames, iterations = clip.motion.frames, report.iterations
     screen.print(
