@@ -34,12 +34,14 @@ class Refinement:
         levelled: the input, raised by the schedule's height to stand on the floor.
         schedule: the stances the result was planted by.
         report: how the problem was solved.
+        seen: the stances that heights and speeds of the input show; None where the schedule was given.
     """
 
     motion: RobotMotion
     levelled: RobotMotion
     schedule: ContactSchedule
     report: SolveReport
+    seen: ContactSchedule | None = None
 
 
 def refine(
@@ -92,9 +94,10 @@ def refine(
         raise ProblemError(
             f"an overlap of {overlap:g} s is of windows, and there are none: give a window's length, too"
         )
-    believed = trust(motion)
+    believed, seen = trust(motion), None
     if schedule is None:
-        schedule = continued(detect(motion, robot, source=source_stances), robot, believed > NONE)
+        seen = detect(motion, robot, source=source_stances)
+        schedule = continued(seen, robot, believed > NONE)
         if any(item.term.dynamic for item in problem.terms):
             schedule = carrying(schedule, motion, robot)
     elif schedule.frames != motion.frames:
@@ -114,4 +117,4 @@ def refine(
         result, report = solve_clip(task, kinematics, problem, progress)
     else:
         result, report = solve_windows(task, kinematics, problem, window, overlap, progress)
-    return Refinement(result, levelled, schedule, report)
+    return Refinement(result, levelled, schedule, report, seen)

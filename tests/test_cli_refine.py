@@ -47,7 +47,7 @@ def outcome(monkeypatch):
             message="",
             to_json=lambda: {"status": wanted.status, "iterations": 7},
         )
-        return SimpleNamespace(motion=levelled, levelled=levelled, schedule=schedule, report=report)
+        return SimpleNamespace(motion=levelled, levelled=levelled, schedule=schedule, report=report, seen=None)
 
     certify = cli_refine.certify
 

@@ -36,7 +36,7 @@ def asked(monkeypatch):
         content = {"status": "converged", "solver_status": "Solve_Succeeded", "iterations": 1, "seconds": 0.1}
         report = SimpleNamespace(**content, message="", to_json=lambda: content)
         levelled = motion.shifted(schedule.height)
-        return SimpleNamespace(motion=levelled, levelled=levelled, schedule=schedule, report=report)
+        return SimpleNamespace(motion=levelled, levelled=levelled, schedule=schedule, report=report, seen=None)
 
     monkeypatch.setattr(cli_refine, "refine", refine)
     return calls

@@ -40,6 +40,18 @@ def test_there_and_back(schedule: ContactSchedule) -> None:
     assert isinstance(json.loads(text), dict)
 
 
+@given(schedules(), schedules())
+def test_how_much_of_a_stance_is_seen(schedule: ContactSchedule, seen: ContactSchedule) -> None:
+    text = to_json(schedule, seen)
+    assert from_json(text, G1, frames=FRAMES, fps=schedule.fps) == schedule
+    assert all(entry["seen"] == 1.0 for entry in json.loads(to_json(schedule, schedule))["stances"])
+    for entry, own in zip(json.loads(text)["stances"], sorted(schedule.stances), strict=True):
+        frames = set(range(own.start, own.stop))
+        others = [s for s in seen.stances if (s.sole, s.point) == (own.sole, own.point)]
+        shared = frames.intersection(*[set().union(*(range(s.start, s.stop) for s in others))])
+        assert entry["seen"] == pytest.approx(len(shared) / len(frames), abs=0.006)
+
+
 def read(*stances: dict[str, Any], frames: int = FRAMES, **head: Any) -> ContactSchedule:
     """From text with one stance a line, the first on line 2."""
     lines = ",\n".join(json.dumps(stance) for stance in stances)

@@ -119,7 +119,7 @@ class Steps(ClipWork):
             content["notes"] = [*begun.clip.notes, *filter(None, [settled.note])]
             content["solved"], content["lead"] = settled.problem, to_json(extended)
             content["solver"] = refinement.report.to_json()
-            content["contacts"] = json.loads(schedule_json.to_json(refinement.schedule))
+            content["contacts"] = json.loads(schedule_json.to_json(refinement.schedule, refinement.seen))
             if refinement.report.status == "not converged":
                 why = f"the solver did not converge: {refinement.report.solver_status}"
                 return Result(_plain(content), {}, f"{self.path}: {why}. {refinement.report.message}".strip(" ."))

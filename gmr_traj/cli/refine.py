@@ -100,7 +100,7 @@ def run(arguments: Refine) -> int:
         outputs.publish(staged, target, planned.report(target), text)
     if planned.contacts is not None:
         with atomic.write(planned.contacts) as stream:
-            stream.write(schedule_json.to_json(refinement.schedule).encode())
+            stream.write(schedule_json.to_json(refinement.schedule, refinement.seen).encode())
     if arguments.json:
         print(text, end="")
     elif not arguments.quiet:
@@ -241,7 +241,7 @@ def _report(
         "notes": [*clip.notes, *filter(None, [settled.note])],
         "certificate": certificate.to_json(),
         "solver": settled.refinement.report.to_json(),
-        "contacts": json.loads(schedule_json.to_json(settled.refinement.schedule)),
+        "contacts": json.loads(schedule_json.to_json(settled.refinement.schedule, settled.refinement.seen)),
     }
 
 

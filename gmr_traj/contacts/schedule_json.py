@@ -5,9 +5,11 @@
       ...
     ]}
 
-Frames decide; the seconds are there for reading and are ignored.  ``stop`` is the first frame after the stance.  In
-a file written by hand ``point`` may be left out, which means every point of that ``part``, and ``part`` may be left
-out too, which means the whole sole; stances written this way may touch or repeat each other and are joined.
+Frames decide; the seconds are there for reading and are ignored, and so is ``seen``, where it is: the share of the
+stance's frames in which height and speed of the point show it.  In the others the load speaks for it, or what stands
+next to a spoiled end: the lower the share, the less sure.  ``stop`` is the first frame after the stance.  In a file
+written by hand ``point`` may be left out, which means every point of that ``part``, and ``part`` may be left out too,
+which means the whole sole; stances written this way may touch or repeat each other and are joined.
 """
 
 from __future__ import annotations
@@ -22,11 +24,16 @@ from gmr_traj.contacts.schedule import ContactSchedule, Stance
 from gmr_traj.exceptions import ScheduleError
 from gmr_traj.robot import Robot, Sole
 
-_KEYS = ("sole", "point", "part", "start", "stop", "start_s", "stop_s")
+_KEYS = ("sole", "point", "part", "start", "stop", "start_s", "stop_s", "seen")
 
 
-def to_json(schedule: ContactSchedule) -> str:
-    """Text of a schedule, one stance a line, sorted; the same schedule gives the same text."""
+def to_json(schedule: ContactSchedule, seen: ContactSchedule | None = None) -> str:
+    """Text of a schedule, one stance a line, sorted; the same schedule gives the same text.
+
+    Args:
+        schedule: what to write.
+        seen: the stances that heights and speeds show; with it every stance says how much of it that is.
+    """
     head = {"frames": schedule.frames, "fps": schedule.fps, "height": schedule.height}
     lines = [
         json.dumps(
@@ -38,12 +45,20 @@ def to_json(schedule: ContactSchedule) -> str:
                 "stop": s.stop,
                 "start_s": round(s.start / schedule.fps, 3),
                 "stop_s": round(s.stop / schedule.fps, 3),
+                **({} if seen is None else {"seen": _share(s, seen)}),
             }
         )
         for s in sorted(schedule.stances)
     ]
     stances = "".join(f"\n  {line}," for line in lines).rstrip(",")
     return json.dumps(head)[:-1] + f', "stances": [{stances}\n]}}\n'
+
+
+def _share(stance: Stance, seen: ContactSchedule) -> float:
+    """Share of a stance's frames that stances of the same point have in another schedule."""
+    same = [s for s in seen.stances if (s.sole, s.point) == (stance.sole, stance.point)]
+    shared = sum(max(0, min(s.stop, stance.stop) - max(s.start, stance.start)) for s in same)
+    return round(shared / (stance.stop - stance.start), 2)
 
 
 def from_json(text: str, robot: Robot, *, frames: int, fps: float) -> ContactSchedule:
