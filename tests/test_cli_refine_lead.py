@@ -10,6 +10,7 @@ import pytest
 from gmr_traj.cli import refine as cli_refine
 from gmr_traj.cli.exit_codes import ExitCode
 from gmr_traj.cli.main import main
+from gmr_traj.cli.refine_otherwise import Settled
 from gmr_traj.formats import read_clip
 from gmr_traj.robot_loading import reduce_robot
 from gmr_traj.verify.audit import audit
@@ -38,7 +39,11 @@ def asked(monkeypatch):
         levelled = motion.shifted(schedule.height)
         return SimpleNamespace(motion=levelled, levelled=levelled, schedule=schedule, report=report, seen=None)
 
+    def settle(clip, robot, problem, solved):  # a clip that was not refined would be solved a second time
+        return Settled(solved(problem), problem.name)
+
     monkeypatch.setattr(cli_refine, "refine", refine)
+    monkeypatch.setattr(cli_refine, "settle", settle)
     return calls
 
 
