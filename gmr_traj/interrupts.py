@@ -1,4 +1,4 @@
-"""Ctrl-C that foreign code swallows.
+"""How a run ends: Ctrl-C that foreign code swallows, and processes that must not outlive their parent.
 
 CasADi checks for signals while Ipopt runs; on Ctrl-C it drops the `KeyboardInterrupt`, and Ipopt returns as if it had
 failed (`NonIpopt_Exception_Thrown`).  Without this, an interrupted solve would be reported as one that failed.
@@ -6,11 +6,15 @@ failed (`NonIpopt_Exception_Thrown`).  Without this, an interrupted solve would 
 
 from __future__ import annotations
 
+import ctypes
+import os
 import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
+
+_PR_SET_PDEATHSIG = 1
 
 
 @contextmanager
@@ -63,3 +67,10 @@ def asked_to_stop() -> Iterator[Stop]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def end_with(parent: int) -> None:
+    """Let this process be killed when its parent ends, however that ends (Linux)."""
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:  # it died before that was set
+        os._exit(1)

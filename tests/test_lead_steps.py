@@ -198,7 +198,7 @@ def test_a_base_beyond_what_the_ankles_can_do_neither_rises_nor_bends_a_knee_bac
     assert (bent[:, 2] <= qpos[:, 2]).all()
     knees = [7 + k for k, name in enumerate(g1.joint_names) if "knee" in name]
     assert bent[:, knees].min() > 0.0
-    assert np.abs(np.diff(bent, axis=0)).max() < 0.1
+    assert np.abs(np.diff(bent, axis=0)).max() < 0.15  # no leg flips over
 
 
 def test_recorded_clips_that_begin_with_tilted_feet_can_be_led_into(data_dir, g1):

@@ -5,10 +5,8 @@ It is forked from :mod:`~gmr_traj.batch.clip_server`, which watches it, so that 
 
 from __future__ import annotations
 
-import ctypes
 import json
 import os
-import signal
 import traceback
 from pathlib import Path
 from typing import Any, NoReturn
@@ -16,19 +14,17 @@ from typing import Any, NoReturn
 from gmr_traj.batch.fingerprint import sha256, versions
 from gmr_traj.batch.work import Work
 from gmr_traj.exceptions import BatchError, GmrTrajError
+from gmr_traj.interrupts import end_with
 
 RESULT = "result.json"
 LOG = "log.txt"
-_PR_SET_PDEATHSIG = 1
 _NO_MEMORY = "it needs more memory than there is"
 
 
 def clip_process(work: Work, folder: Path, parent: int) -> NoReturn:
     """Carry out the work in a process that was forked for it, and exit."""
     os.setpgid(0, 0)
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    if os.getppid() != parent:  # it died before that was set
-        os._exit(1)
+    end_with(parent)
     _redirect(folder / LOG)
     content = _attempt(work, folder)
     staged = folder / f"{RESULT}.part"

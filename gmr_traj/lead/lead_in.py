@@ -82,7 +82,10 @@ def lead_in(motion: RobotMotion, robot: Robot, schedule: ContactSchedule, second
         if isinstance(tried, Lead):
             raise ClipError(f"{option} {seconds:g} s is too short: {found.why}; give it {longer:g} s")
         short = tried
-    raise ClipError(f"{option} {seconds:g} s cannot be done: {found.why}; in {longer:g} s, {short.why}")
+    raise ClipError(
+        f"{option} {seconds:g} s cannot be done: {found.why}"
+        + (f"; nor in {longer:g} s" if short.why == found.why else f"; in {longer:g} s, {short.why}")
+    )
 
 
 def _lead(motion: RobotMotion, robot: Robot, schedule: ContactSchedule, seconds: float) -> Lead | _Short:

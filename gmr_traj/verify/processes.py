@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import multiprocessing
 import os
 import signal
@@ -12,8 +11,7 @@ from concurrent.futures.process import BrokenProcessPool
 from typing import TypeVar
 
 from gmr_traj.exceptions import RolloutError
-
-_PR_SET_PDEATHSIG = 1
+from gmr_traj.interrupts import end_with
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -58,6 +56,4 @@ def in_processes(do: Callable[[T], R], items: Sequence[T], workers: int) -> Iter
 def _begin(parent: int) -> None:
     """Leave Ctrl-C to the parent, which ends this process, and die with it however it dies."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    if os.getppid() != parent:  # it died before that was set
-        os._exit(1)
+    end_with(parent)
