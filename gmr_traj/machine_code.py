@@ -16,8 +16,6 @@ import hashlib
 import os
 import platform
 import shlex
-import shutil
-import stat
 import subprocess
 import time
 from functools import lru_cache
@@ -26,8 +24,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 
-#: Names the C compiler; ``none`` for none.
-COMPILER = "GMR_TRAJ_CC"
+from gmr_traj.c_compiler import cache_folder, compiler, ours
 
 # No contraction of a product and a sum into one operation, which would round once instead of twice.
 _OPTIONS = ("-O1", "-fPIC", "-shared", "-ffp-contract=off", "-w")
@@ -50,7 +47,7 @@ def compiled(function: ca.Function) -> ca.Function:
         _start(function, command, stem)
         return function
     try:
-        made = _loaded(str(library)) if _ours(library) else None
+        made = _loaded(str(library)) if ours(library) else None
     except (RuntimeError, OSError):
         # Made on another machine that shares the folder, and which has newer libraries than this; or deleted just now.
         return function
@@ -79,19 +76,10 @@ def wait(seconds: float = 300.0) -> None:
         time.sleep(0.05)
 
 
-def compiler() -> str | None:
-    """The C compiler that is used; None for none."""
-    given = os.environ.get(COMPILER)
-    if given is None:
-        return shutil.which("cc")
-    return None if given == "none" else shutil.which(given)
-
-
 def _folder() -> Path | None:
     """Where the libraries are; None for a user without a home."""
-    given = os.environ.get("XDG_CACHE_HOME", "")
-    base = Path(given if os.path.isabs(given) else os.path.expanduser("~/.cache"))  # the latter leaves an unknown ~
-    return base / "gmr-traj" / "functions" if base.is_absolute() else None
+    base = cache_folder()
+    return None if base is None else base / "functions"
 
 
 @lru_cache(maxsize=64)
@@ -99,14 +87,6 @@ def _hash(function: ca.Function, command: str) -> str:
     """Of the operations and of what makes a library from them."""
     made_by = (command, *_OPTIONS, platform.machine(), platform.system(), ca.CasadiMeta.version())
     return hashlib.sha256("\0".join((function.serialize(), *made_by)).encode()).hexdigest()[:32]
-
-
-def _ours(library: Path) -> bool:
-    """Whether nobody else could have written a library."""
-    return all(
-        found.st_uid in (os.getuid(), 0) and not found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
-        for found in (library.stat(), library.parent.stat())
-    )
 
 
 def _start(function: ca.Function, command: str, stem: Path) -> None:

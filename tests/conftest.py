@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import tempfile
 from importlib import metadata
 from pathlib import Path
 
@@ -10,15 +11,15 @@ import hypothesis
 import numpy as np
 import pytest
 
-from gmr_traj.machine_code import COMPILER
 from gmr_traj.robot import Robot
 from gmr_traj.robot_loading import load_robot
 
 CHECKOUT = Path(__file__).resolve().parent.parent
 TEST_DATA = Path(__file__).resolve().parent / "data"
 
-# No test but those about it writes into the user's cache, or has a compiler at work beside it.
-os.environ.setdefault(COMPILER, "none")
+# No test writes into the user's cache.
+_CACHE = tempfile.TemporaryDirectory(prefix="gmr-traj-cache-", ignore_cleanup_errors=True)
+os.environ["XDG_CACHE_HOME"] = _CACHE.name
 
 # Examples that compile or solve take as long as the machine lets them.
 hypothesis.settings.register_profile("gmr_traj", deadline=None, derandomize=True)

@@ -22,6 +22,12 @@ EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
 PUNCH, KICK = EXAMPLES / "punch.npz", EXAMPLES / "kick.txt"
 
 
+@pytest.fixture(autouse=True)
+def no_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing is compiled first, but where a test is about that."""
+    monkeypatch.setattr(bench, "compiler", lambda: None)
+
+
 @pytest.fixture
 def jobs(monkeypatch: pytest.MonkeyPatch) -> list[Measured]:
     """What is measured, in that order; nothing is, in truth."""
@@ -107,7 +113,7 @@ def test_the_compiler_is_done_before_a_person_is_measured(capsys, monkeypatch):
         return RUN
 
     monkeypatch.setattr(bench, "measured", pretend)
-    monkeypatch.setattr(machine_code, "compiler", lambda: "cc")
+    monkeypatch.setattr(bench, "compiler", lambda: "cc")
     monkeypatch.setattr(machine_code, "wait", lambda: asked.append("wait"))
     assert main(["bench", "--measure", "retarget", "--repeats", "2", "--quiet"]) == 0
     assert [type(job) for job in asked] == [FirstUse, str, Measured, Measured]

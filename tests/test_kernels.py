@@ -17,6 +17,7 @@ from optimiser_setup import every_operation
 from gmr_traj.band.cholesky import BlockCholesky
 from gmr_traj.band.ordering import order
 from gmr_traj.band.products import Products
+from gmr_traj.c_compiler import COMPILER
 from gmr_traj.collision.broadphase import candidates
 from gmr_traj.collision.limbs import limbs
 from gmr_traj.collision.push_out import normal_equations
@@ -43,8 +44,8 @@ def empty_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def _both(monkeypatch: pytest.MonkeyPatch, compute: Callable[[], list[np.ndarray]]) -> None:
     """The same bits with kernels on two threads and on one, and without."""
     found = []
-    for wanted, threads in (("1", "2"), ("1", "1"), ("0", "1")):
-        monkeypatch.setenv("GMR_TRAJ_KERNELS", wanted)
+    for wanted, threads in (("any", "2"), ("any", "1"), ("none", "1")):
+        monkeypatch.setenv(COMPILER, "none") if wanted == "none" else monkeypatch.delenv(COMPILER, raising=False)
         monkeypatch.setenv(VARIABLE, threads)
         found.append([array.tobytes() for array in compute()])
     assert found[0] == found[1] == found[2]
@@ -198,7 +199,7 @@ def test_without_a_library_python_computes(
     folder = tmp_path / "programs"
     folder.mkdir()
     monkeypatch.setenv("PATH", str(folder))
-    monkeypatch.delenv("CC", raising=False)
+    monkeypatch.delenv(COMPILER, raising=False)
     if trouble != "no compiler":
         script = folder / "cc"
         script.write_text("#!/bin/sh\nexit 1\n")
@@ -206,7 +207,7 @@ def test_without_a_library_python_computes(
     if trouble == "no room":
         monkeypatch.setenv("XDG_CACHE_HOME", str(script))  # a file
     if trouble == "asked for":
-        monkeypatch.setenv("GMR_TRAJ_KERNELS", "0")
+        monkeypatch.setenv(COMPILER, "none")
         assert library.kernels() is None
     library._loaded.cache_clear()
     try:

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 from retarget_setup import cut, dance, human_of
 
-from gmr_traj.machine_code import COMPILER, compiled, wait
+from gmr_traj.c_compiler import COMPILER
+from gmr_traj.machine_code import compiled, wait
 from gmr_traj.retarget.body_map import load_map
 from gmr_traj.retarget.retarget import retarget
 from gmr_traj.robot import Robot

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from gmr_traj.batch.fingerprint import versions
+from gmr_traj.c_compiler import compiler
 from gmr_traj.kernels.library import description
-from gmr_traj.machine_code import compiler
 from gmr_traj.threads import threads
 
 

@@ -15,6 +15,7 @@ from gmr_traj.bench.figures import Figures, Run, gathered
 from gmr_traj.bench.fresh import measured
 from gmr_traj.bench.gmr_loop import MINK_IS_MISSING, has_mink
 from gmr_traj.bench.machine import machine, measured_versions
+from gmr_traj.c_compiler import compiler
 from gmr_traj.cli import bench_tables, outputs
 from gmr_traj.cli.bench_arguments import GROWTH, Measure
 from gmr_traj.cli.bench_work import FirstUse, Measured
@@ -80,7 +81,7 @@ def run(arguments: Bench) -> int:
     wanted, skipped = _wanted(arguments, chosen, clip, human)
     sides = [Measured(arguments, clip, human, what, engine) for what, engine in wanted]
     growth = [Measured(arguments, clip, human, "refine", engine, length) for length in lengths for engine in chosen]
-    if human and machine_code.compiler() is not None:
+    if human and compiler() is not None:
         measured(FirstUse(Measured(arguments, clip, human, "retarget")))
         machine_code.wait()
     with progress(not arguments.quiet) as callback:

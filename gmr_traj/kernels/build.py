@@ -10,15 +10,12 @@ from __future__ import annotations
 import hashlib
 import os
 import platform
-import shutil
 import subprocess
-import sys
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-#: Beside these, ``$CC`` is tried first.
-COMPILERS = ("cc", "gcc", "clang")
+from gmr_traj.c_compiler import cache_folder, compiler, ours
 
 #: No contraction of a product and a sum into one rounding: NumPy does not do that either.
 FLAGS = ("-O3", "-march=native", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math", "-shared", "-fPIC")
@@ -34,21 +31,20 @@ def cached(name: str, sources: Sequence[Path]) -> Path | None:
         name: what the file's name begins with.
         sources: C files.
     """
-    compiler = _compiler()
-    if compiler is None:
+    command, folder = compiler(), cache_folder()
+    if command is None or folder is None:
         return None
     try:
-        folder = cache_folder()
-        key = _key(compiler, sources)
+        key = _key(command, sources)
         for found in sorted(folder.glob(f"{name}-{key}-*.so")):
-            if found.name == f"{name}-{key}-{_digest(found.read_bytes())}.so":
+            if ours(found) and found.name == f"{name}-{key}-{_digest(found.read_bytes())}.so":
                 return found
             found.unlink(missing_ok=True)
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         with tempfile.TemporaryDirectory(dir=folder, prefix=".building-") as space:
             made = Path(space) / "library.so"
-            command = [compiler, *FLAGS, "-o", str(made), *map(str, sources), "-lm"]
-            run = subprocess.run(command, capture_output=True, timeout=PATIENCE, stdin=subprocess.DEVNULL, check=False)
+            line = [command, *FLAGS, "-o", str(made), *map(str, sources), "-lm"]
+            run = subprocess.run(line, capture_output=True, timeout=PATIENCE, stdin=subprocess.DEVNULL, check=False)
             if run.returncode != 0 or not made.is_file():
                 return None
             target = folder / f"{name}-{key}-{_digest(made.read_bytes())}.so"
@@ -58,27 +54,10 @@ def cached(name: str, sources: Sequence[Path]) -> Path | None:
         return None  # no room, no rights, no compiler after all: the same numbers are to be had without
 
 
-def cache_folder() -> Path:
-    """Where the user keeps what can be made again."""
-    home = os.environ.get("XDG_CACHE_HOME", "")
-    if os.path.isabs(home):
-        return Path(home) / "gmr-traj"
-    return Path.home() / ("Library/Caches" if sys.platform == "darwin" else ".cache") / "gmr-traj"
-
-
-def _compiler() -> str | None:
-    wanted = os.environ.get("CC", "").split()
-    for name in (*wanted[:1], *COMPILERS):
-        found = shutil.which(name)
-        if found is not None:
-            return found
-    return None
-
-
-def _key(compiler: str, sources: Sequence[Path]) -> str:
+def _key(command: str, sources: Sequence[Path]) -> str:
     whole = hashlib.sha256()
-    state = os.stat(compiler)
-    about = (compiler, str(state.st_size), str(state.st_mtime_ns), *FLAGS, platform.machine(), _processor())
+    state = os.stat(command)
+    about = (command, str(state.st_size), str(state.st_mtime_ns), *FLAGS, platform.machine(), _processor())
     for part in (*(text.encode() for text in about), *(source.read_bytes() for source in sources)):
         whole.update(hashlib.sha256(part).digest())
     return whole.hexdigest()[:16]

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from gmr_traj.c_compiler import COMPILER
 from gmr_traj.kernels.build import cached
 
 _COUNTING = (
@@ -26,8 +27,8 @@ _SOURCES = tuple(sorted(Path(__file__).parent.glob("*.c")))
 
 
 def kernels() -> ctypes.CDLL | None:
-    """The library; None where there is none, or where ``GMR_TRAJ_KERNELS`` is 0."""
-    return None if os.environ.get("GMR_TRAJ_KERNELS", "1") == "0" else _loaded()
+    """The library; None where there is no compiler to make it."""
+    return _loaded(os.environ.get(COMPILER))
 
 
 def description() -> str:
@@ -36,7 +37,10 @@ def description() -> str:
 
 
 @cache
-def _loaded() -> ctypes.CDLL | None:
+def _loaded(wanted: str | None) -> ctypes.CDLL | None:
+    """With a compiler of that name, ``none`` or any."""
+    if wanted == "none":
+        return None
     path = cached("kernels", _SOURCES)
     if path is None:
         return None
