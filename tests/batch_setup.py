@@ -14,6 +14,7 @@ import numpy as np
 from gmr_traj.batch.settings import Limits
 from gmr_traj.batch.work import Result
 from gmr_traj.exceptions import ClipError
+from gmr_traj.threads import threads
 
 LIMITS = Limits(seconds=30.0, memory=2 * 10**9, retries=1)
 
@@ -38,6 +39,9 @@ class Toy:
     def write(self, folder: Path) -> Result:
         (folder / "clip.npz").write_bytes(b"clip")
         return Result({"value": 1.5}, {"clip": "clip.npz"})
+
+    def count_threads(self, folder: Path) -> Result:
+        return Result({"threads": threads()})
 
     def fail(self, folder: Path) -> None:
         raise ClipError("the clip is\nnot one")

@@ -16,9 +16,11 @@ from optimiser_setup import EXAMPLE, TIGHT, built_parts, curved, every_operation
 
 from gmr_traj import frames
 from gmr_traj.attempts import Attempt
+from gmr_traj.band import interior_point
 from gmr_traj.band.cholesky import BlockCholesky
 from gmr_traj.band.ordering import order
 from gmr_traj.band.program import Program
+from gmr_traj.band.settings import Settings
 from gmr_traj.engines import solve
 from gmr_traj.formats import read_clip
 from gmr_traj.formulation import Formulation, formulate
@@ -216,3 +218,18 @@ def test_a_matrix_without_rows_or_bounds() -> None:
     solution = solve(formulate(Variables(2, 1), [Used(free, "cost")]), (BAND,))
     np.testing.assert_allclose(solution.x, [1.0, 1.0], atol=1e-9)
     assert sp.issparse(Program(formulate(Variables(2, 1), [Used(free, "cost")])).jacobian)
+
+
+def test_slacks_follow_rows_that_are_farther_inside(formulation: Formulation) -> None:
+    """The residual of a row with one bound is never that the row is farther inside than its slack."""
+    program = Program(formulation)
+    state = interior_point._State(program, Settings(), formulation.initial)
+    below = np.isfinite(program.row_lower) & ~np.isfinite(program.row_upper)
+    above = ~np.isfinite(program.row_lower) & np.isfinite(program.row_upper)
+    for _ in range(6):
+        state.measure()
+        assert state.advance()
+        slacks = state._w[program.size :]
+        assert (slacks[below] >= state._rows[below]).all() and (slacks[above] <= state._rows[above]).all()
+        assert (slacks >= program.row_lower - 1e-4).all() and (slacks <= program.row_upper + 1e-4).all()
+    assert below.any()

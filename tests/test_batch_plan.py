@@ -172,7 +172,7 @@ def test_versions_name_what_computes():
 
 def test_settings_are_data(tmp_path):
     shipped = load_settings()
-    assert shipped.limits.seconds > 0 and shipped.limits.memory > 10**9 and shipped.threads == 1
+    assert shipped.limits.seconds > 0 and shipped.limits.memory > 10**9 and shipped.limits.threads == 1
     text = "time_limit_s = 5\nmemory_limit_gb = 0.5\npatience_s = 1\n"
     (tmp_path / "own.toml").write_text(text + "retries = 0\n")
     assert load_settings(tmp_path / "own.toml").limits.memory == 5 * 10**8

@@ -5,6 +5,7 @@ import os
 import shutil
 import signal
 import threading
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -50,6 +51,12 @@ def test_what_is_done_is_there_with_its_hashes(path, folder):
     assert found["failed"] == "" and found["content"] == {"value": 1.5}
     assert found["outputs"]["clip"] == {"file": "clip.npz", "sha256": sha256(folder / "clip.npz"), "bytes": 4}
     assert found["sha256"] is not None
+
+
+def test_a_clip_computes_with_as_many_threads_as_it_may(path, folder):
+    for count in (1, 3):
+        confined.run_confined(Toy(path, "count_threads"), folder, replace(LIMITS, threads=count))
+        assert result(folder)["content"] == {"threads": count}
 
 
 def test_an_error_is_a_line_and_a_fault_has_its_traceback(path, folder):

@@ -11,7 +11,9 @@ zl, zu >= 0 are the multipliers of the bounds; those of ``g(x) = s`` are ``zl_s 
 
 first with sigma = e = e' = 0 (the predictor), whose outcome gives ``sigma = (mu_aff / mu)^3`` and the products of its
 steps that the linearisation neglects, ``e = dw dzl`` and ``e' = dw dzu``.  Every step is taken, shortened only to stay
-inside the bounds, as in Ipopt's ``mehrotra_algorithm``.
+inside the bounds, as in Ipopt's ``mehrotra_algorithm``.  Where a row with one bound turns out to be farther inside than
+its slack s, the slack follows: that takes nothing from the barrier and makes the row's residual zero, and one pair of
+capsules that swings around does not hold up the whole clip.
 
 Source: S. Mehrotra, On the implementation of a primal-dual interior point method, SIAM J. Optim. 2 (1992).
 """
@@ -101,6 +103,8 @@ class _State:
         inside = self._bounds.inside(np.concatenate([start, np.zeros(program.rows)]), settings.bound_push)
         self._evaluate(inside[: program.size])
         self._w = self._bounds.inside(np.concatenate([inside[: program.size], self._rows]), settings.bound_push)
+        above, below = np.isfinite(program.row_lower), np.isfinite(program.row_upper)
+        self._one_sided = np.flatnonzero(above & ~below), np.flatnonzero(below & ~above)
         self._zl, self._zu = self._bounds.multipliers(self._w, settings.bound_mult_init_val, settings.mu_init)
         self.best = start
         self._still = 0
@@ -175,10 +179,17 @@ class _State:
         self._zl, self._zu = self._zl + dual * dzl, self._zu + dual * dzu
         before = self.value
         self._evaluate(self._w[:n])
+        self._follow()
         still = abs(self.value - before) <= self._settings.acceptable_obj_change_tol * max(1.0, abs(self.value))
         # A step that the bounds cut short says nothing about how far the optimum is.
         self._still = self._still + 1 if still and min(primal, dual) >= _WHOLE else 0
         return True
+
+    def _follow(self) -> None:
+        """Move the slacks of rows that are farther inside their only bound than these."""
+        slacks = self._w[self._program.size :]
+        for where, farther in zip(self._one_sided, (np.maximum, np.minimum), strict=True):
+            slacks[where] = farther(slacks[where], self._rows[where])
 
     def _right(self, weight: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
         """The right-hand side of a step with tau from its shares of lower and of upper bounds.  # (nx,)"""

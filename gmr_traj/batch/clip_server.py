@@ -25,6 +25,7 @@ from gmr_traj.batch.clip_process import RESULT, clip_process
 from gmr_traj.batch.settings import Limits
 from gmr_traj.batch.work import Work
 from gmr_traj.memory import keep_freed
+from gmr_traj.threads import VARIABLE
 
 # How often the clip's process is looked at [s].  Its resident memory is held to the limit by looking, not by a limit of
 # the system's on what it asks for: solvers ask for several times what they touch.
@@ -83,6 +84,7 @@ def watch(work: Work, folder: Path, limits: Limits) -> Watched:
     child = os.fork()
     if child == 0:
         try:
+            os.environ[VARIABLE] = str(limits.threads)
             clip_process(work, folder, parent)
         finally:  # whatever happens, a second server must not come of it
             os._exit(1)

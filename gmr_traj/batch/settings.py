@@ -18,6 +18,7 @@ class Limits:
         seconds: wall-clock time [s].
         memory: resident memory of its process [bytes].
         retries: how often it is tried again after its process crashed or its worker died.
+        threads: that it computes with.
 
     Raises:
         BatchError: time or memory are not above zero, or retries are negative.
@@ -26,6 +27,7 @@ class Limits:
     seconds: float
     memory: int
     retries: int
+    threads: int = 1
 
     def __post_init__(self) -> None:
         if not self.seconds > 0:
@@ -42,12 +44,10 @@ class Settings:
 
     Attributes:
         limits: of one clip.
-        threads: that one clip computes with.
         patience: how long to wait for a scheduler and its first worker [s].
     """
 
     limits: Limits
-    threads: int
     patience: float
 
 
@@ -59,14 +59,15 @@ def load_settings(name_or_path: str | Path = "batch") -> Settings:
         BatchError: a field is missing, unknown or out of range.
     """
     table = read_toml(resources.find("configs", name_or_path), BatchError)
+    threads = table.count("threads", 1)
+    if threads < 1:
+        raise table.error("threads is 0; a clip computes with at least 1")
     limits = Limits(
         seconds=table.number("time_limit_s", above=0.0),
         memory=round(1e9 * table.number("memory_limit_gb", above=0.0)),
         retries=table.count("retries", 2),
+        threads=threads,
     )
-    threads = table.count("threads", 1)
-    if threads < 1:
-        raise table.error("threads is 0; a clip computes with at least 1")
-    settings = Settings(limits, threads, table.number("patience_s", above=0.0))
+    settings = Settings(limits, table.number("patience_s", above=0.0))
     table.done()
     return settings

@@ -154,7 +154,7 @@ class Session:
         if arguments.scheduler is not None:
             given = cluster.given_cluster(arguments.scheduler, self.settings.patience, self.unfinished)
             return self._stack.enter_context(given)
-        jobs = arguments.jobs or default_jobs(self.settings.threads, self.limits.memory)
+        jobs = arguments.jobs or default_jobs(self.limits.threads, self.limits.memory)
         dashboard = _DASHBOARD if arguments.dashboard else None
         client = self._stack.enter_context(cluster.local_cluster(jobs, dashboard))
         if arguments.dashboard and not arguments.quiet:
@@ -186,6 +186,7 @@ def limits_of(arguments: Batch, settings: Settings) -> Limits:
         seconds=given.seconds if wanted.time_limit is None else wanted.time_limit,
         memory=given.memory if wanted.memory_limit is None else round(1e9 * wanted.memory_limit),
         retries=given.retries if wanted.retries is None else wanted.retries,
+        threads=given.threads,
     )
 
 
