@@ -153,10 +153,11 @@ class ContactWrench(Term):
             s = int(standing[0])
             now = positions[t, bodies[s]] + rotations[t, bodies[s]] @ feet[t, s, 1:4]
             moved = np.append(feet[t, s, 4:] - now[:2], 0.0)
-            for row, j in enumerate(legs[s], start=of_legs):
-                maps[t, row, :3] = -np.cross(axes[t, j], anchors[t, j] + moved - origins[t])
-                maps[t, row, 3:] = axes[t, j]
-                lower[t, row], upper[t, row] = hanging[t, j] - most[j], hanging[t, j] + most[j]
+            its = legs[s]
+            here = slice(of_legs, of_legs + len(its))
+            maps[t, here, :3] = -np.cross(axes[t, its], anchors[t, its] + moved - origins[t])
+            maps[t, here, 3:] = axes[t, its]
+            lower[t, here], upper[t, here] = hanging[t, its] - most[its], hanging[t, its] + most[its]
         return maps, lower, upper, feet
 
 
