@@ -20,7 +20,6 @@ from gmr_traj.visited import Visited
 from gmr_traj.whole_clip import solve_clip
 from gmr_traj.windows import solve_windows
 
-
 # Physics ties a frame to what comes after the window: two windows agree less there than they do here.
 PROBLEM = load_problem("refine_kinematic")
 
