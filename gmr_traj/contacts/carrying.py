@@ -135,6 +135,10 @@ def _find(standing: Standing, loaded: np.ndarray, resting: Sequence[Sequence[tup
     for k, own in enumerate(resting):
         for first, last in _gaps(standing, loaded):
             for run in own:
+                if run[1] <= first - 2:
+                    continue
+                if run[0] >= last + 3:
+                    break  # they are in order
                 start, stop = max(run[0], first - 2), min(run[1], last + 3)
                 if stop - start >= _SHORTEST:
                     start, stop = standing.near(k, start, stop)

@@ -85,29 +85,32 @@ class Standing:
             side: -1 for the stance before it, 1 for the one after it.
 
         Returns:
-            The group's standing points and their largest distance in every frame; no points, and infinity, without one.
+            The group's standing points, and their largest distance in the gap and the frames next to it, infinity in
+            all others  # (T,); no points, and infinity, without a group.
         """
         best: list[int] = []
         distances = np.full(len(self.resting), np.inf)
+        around = slice(max(0, first - 1), last + 2)
         for group in self._groups:
             members = [k for k in group if self.resting[max(0, edge - 1) : edge + 2, k].any()]
-            far = np.zeros(len(self.resting))
+            far = np.zeros(len(self.resting[around]))
             for k in members:
                 stood = np.flatnonzero(self.resting[:, k])
                 stood = stood[stood <= edge] if side < 0 else stood[stood >= edge]
                 if not stood.size:
                     members = []
                     break
-                far = np.maximum(far, self._from_place(k, int(stood[-1] if side < 0 else stood[0])))
-            if members and far[first : last + 1].min() < distances[first : last + 1].min():
-                best, distances = members, far
+                far = np.maximum(far, self._from_place(k, int(stood[-1] if side < 0 else stood[0]), around))
+            own = far[first - around.start :][: last + 1 - first]
+            if members and own.min() < distances[first : last + 1].min():
+                best, distances[around] = members, far
         return best, distances
 
     def away(self, members: Sequence[int], edge: int, frame: int) -> float:
         """Largest distance in a frame from where points stand in the stance that has the frame ``edge`` [m]."""
         if not 0 <= frame < len(self.resting):
             return float("inf")
-        return max(float(self._from_place(k, edge)[frame]) for k in members)
+        return max(float(self._from_place(k, edge, slice(frame, frame + 1))[0]) for k in members)
 
     def changes(self, able: np.ndarray, reach: int) -> Iterator[tuple[list[int], int, list[int], int]]:
         """Where one group's stance ends about when another's begins, and nothing else bears throughout.
@@ -145,9 +148,9 @@ class Standing:
             stop += 1
         return start, stop
 
-    def _from_place(self, k: int, frame: int) -> np.ndarray:
-        """Distance of a point in every frame from its place on the floor in the stance around ``frame`` [m].  # (T,)"""
+    def _from_place(self, k: int, frame: int, around: slice) -> np.ndarray:
+        """Distance of a point, in some frames, from its place in the stance around ``frame`` [m].  # (F,)"""
         first, last = self.run(k, frame, frame + 1)
         place = self._points[first:last, k, :2].mean(axis=0)
-        off = np.linalg.norm(self._points[:, k, :2] - place, axis=1)
-        return np.asarray(np.hypot(off, np.maximum(0.0, self.height[:, k])))
+        off = np.linalg.norm(self._points[around, k, :2] - place, axis=1)
+        return np.asarray(np.hypot(off, np.maximum(0.0, self.height[around, k])))
