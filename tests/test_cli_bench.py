@@ -9,10 +9,8 @@ from PIL import Image
 from test_bench import RUN
 
 from gmr_traj import machine_code
-from gmr_traj.bench.fresh import measured
 from gmr_traj.bench.gmr_loop import MINK_IS_MISSING
 from gmr_traj.cli import bench
-from gmr_traj.cli.bench_arguments import Bench
 from gmr_traj.cli.bench_work import FirstUse, Measured
 from gmr_traj.cli.exit_codes import ExitCode
 from gmr_traj.cli.main import main
@@ -196,9 +194,3 @@ def test_an_engine_that_the_problem_has_not(capsys, jobs, tmp_path):
     problem.write_text(text.replace('engine = "band"\n', ""))
     assert main(["bench", str(PUNCH), "--problem", str(problem), "--engines", "band"]) == ExitCode.BAD_INPUT
     assert "no [[solver.first]] has engine 'band'; they have ipopt" in one_line(capsys)
-
-
-@pytest.mark.slow
-def test_start_up_of_ten_seconds_of_clip_is_under_three_seconds():
-    run = measured(Measured(Bench(), PUNCH, False, "refine", None, 300))
-    assert run.startup_cpu_seconds < 3.0
