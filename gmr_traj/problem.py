@@ -62,7 +62,7 @@ def load_problem(name_or_path: str | Path = "refine") -> Problem:
     """Read ``problems/<name>.toml`` or a file of the user's own, what it takes from its ``base`` filled in.
 
     Raises:
-        ResourceError: there is no such problem; the message lists those that exist.
+        ResourceError: there is no such problem, or none of the name of its base or of the one to solve otherwise.
         ProblemError: the file or its base is not TOML, names an unknown term, use or field, a value out of range, no
             strategy, or an option that Ipopt does not take.
     """
@@ -71,6 +71,8 @@ def load_problem(name_or_path: str | Path = "refine") -> Problem:
     name = table.text("name")
     table.text("description", "")
     otherwise = table.text("otherwise", "") or None
+    if otherwise is not None:  # said now, and not after the first problem was solved
+        resources.find("problems", otherwise)
     passes = table.get("passes", 3, required=False)
     if not isinstance(passes, int) or isinstance(passes, bool) or not 1 <= passes <= 20:
         raise table.error(f"passes is {passes!r}; expected a whole number from 1 to 20")

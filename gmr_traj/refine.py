@@ -95,9 +95,10 @@ def refine(
             f"an overlap of {overlap:g} s is of windows, and there are none: give a window's length, too"
         )
     believed, seen = trust(motion), None
+    known = believed > NONE
     if schedule is None:
         seen = detect(motion, robot, source=source_stances)
-        schedule = continued(seen, robot, believed > NONE)
+        schedule = continued(seen, robot, known)
         if any(item.term.dynamic for item in problem.terms):
             schedule = carrying(schedule, motion, robot)
     elif schedule.frames != motion.frames:
@@ -107,7 +108,7 @@ def refine(
     levelled = motion.shifted(schedule.height)
     kinematics = kinematics or CasadiKinematics(robot)
     # Where a limb is deep in the body the input is no reference: start from, and stay near, a way around.
-    start, _ = untangle(robot, without_spoiled_ends(levelled, believed > NONE))
+    start, _ = untangle(robot, without_spoiled_ends(levelled, known))
     fixed = np.zeros(0, int) if held is None else held
     targets = None
     if references is not None:

@@ -98,3 +98,8 @@ def test_mistakes_are_said(tmp_path: Path, text: str, complaint: str) -> None:
 def test_a_base_that_does_not_exist_is_named(tmp_path: Path) -> None:
     with pytest.raises(ResourceError, match="peace"):
         load_problem(write(tmp_path, 'base = "peace"\nname = "mine"\n'))
+
+
+def test_a_problem_to_solve_otherwise_that_does_not_exist_is_said_at_once(tmp_path: Path) -> None:
+    with pytest.raises(ResourceError, match="peace"):
+        load_problem(write(tmp_path, HEAD + 'otherwise = "peace"\n'))
