@@ -13,7 +13,7 @@ from functools import cached_property
 import mujoco
 import numpy as np
 
-from gmr_traj.collision.segments import Array
+from gmr_traj.collision.segments import Array, cross
 from gmr_traj.robot import Robot
 
 
@@ -160,9 +160,7 @@ class Limb:
 
     def jacobian(self, points: Array, anchors: Array, axes: Array) -> Array:
         """Derivatives of the end points by the joints: ``a_k x (p - o_k)``.  # (N, C, 2, k, 3)"""
-        x, y, z = np.moveaxis(points[:, :, :, None, :] - anchors[:, None, None], -1, 0)
-        u, v, w = np.moveaxis(axes[:, None, None], -1, 0)
-        out = np.stack([v * z - w * y, w * x - u * z, u * y - v * x], axis=-1)
+        out = cross(axes[:, None, None], points[:, :, :, None, :] - anchors[:, None, None])
         out *= self._moves[None, :, None, :, None]
         return out
 

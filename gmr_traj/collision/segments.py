@@ -47,8 +47,8 @@ def distance(a0: Array, a1: Array, b0: Array, b1: Array) -> tuple[Array, Array, 
     u, v, r = a1 - a0, b1 - b0, b0 - a0
     uu, vv, uv = _dot(u, u), _dot(v, v), _dot(u, v)
     ur, vr = _dot(u, r), _dot(v, r)
-    w = _cross(u, v)
-    s = np.clip(_ratio(_dot(_cross(r, v), w), _dot(w, w)), 0.0, 1.0)
+    w = cross(u, v)
+    s = np.clip(_ratio(_dot(cross(r, v), w), _dot(w, w)), 0.0, 1.0)
     t = np.clip(_ratio(s * uv - vr, vv), 0.0, 1.0)
     s = np.clip(_ratio(t * uv + ur, uu), 0.0, 1.0)
     gap = s[..., None] * u - t[..., None] * v - r
@@ -85,13 +85,13 @@ def normal(a0: Array, a1: Array, b0: Array, b1: Array) -> Array:
 
 def _perpendicular(u: Array, v: Array) -> Array:
     """A vector (not of unit length) perpendicular to u and to v."""
-    w = _cross(u, v)
+    w = cross(u, v)
     scale = np.maximum(_dot(u, u), _dot(v, v))
     parallel = _dot(w, w) <= CROSSING**2 * scale**2
     if parallel.any():
         longer = np.where((_dot(u, u) >= _dot(v, v))[..., None], u, v)[parallel]
         axis = np.eye(3)[np.argmin(np.abs(longer), axis=-1)]
-        w[parallel] = _cross(longer, axis)
+        w[parallel] = cross(longer, axis)
         points = np.flatnonzero(parallel)[_dot(longer, longer) == 0.0]
         w[points] = ANY_DIRECTION
     return w
@@ -101,7 +101,8 @@ def _dot(x: Array, y: Array) -> Array:
     return np.asarray(x[..., 0] * y[..., 0] + x[..., 1] * y[..., 1] + x[..., 2] * y[..., 2])
 
 
-def _cross(x: Array, y: Array) -> Array:
+def cross(x: Array, y: Array) -> Array:
+    """``x`` times ``y``, as ``np.cross`` has it, in a fraction of its time; both broadcast.  # (..., 3)"""
     return np.stack(
         [
             x[..., 1] * y[..., 2] - x[..., 2] * y[..., 1],

@@ -18,6 +18,7 @@ import daqp
 import mujoco
 import numpy as np
 
+from gmr_traj.collision.segments import cross
 from gmr_traj.exceptions import SolverError
 from gmr_traj.robot import Robot
 from gmr_traj.verify.contact_points import ContactPoints
@@ -79,9 +80,9 @@ def support(robot: Robot, qpos: np.ndarray, needed: Demand, points: ContactPoint
         mujoco.mj_kinematics(robot.model, data)
         p = points.positions[t, able]  # (k, 3)
         arms = p - qpos[t, :3]
-        levers = _cross(arms[:, None], edges)  # (k, 4, 3)
+        levers = cross(arms[:, None], edges)  # (k, 4, 3)
         # Row j of J' times an edge d at p: (axis_j x (p - anchor_j)) . d, for joints the point's body hangs on.
-        speeds = _cross(data.xaxis[1:], p[:, None] - data.xanchor[1:]) * carried[able][:, :, None]  # (k, n, 3)
+        speeds = cross(data.xaxis[1:], p[:, None] - data.xanchor[1:]) * carried[able][:, :, None]  # (k, n, 3)
         turning = np.matmul(edges, speeds.transpose(0, 2, 1))  # (k, 4, n)
         columns = 4 * len(able)
         A = np.concatenate(
@@ -92,7 +93,7 @@ def support(robot: Robot, qpos: np.ndarray, needed: Demand, points: ContactPoint
         f = (c.reshape(-1, 4) @ edges) * weight
         forces[t, able] = f
         force[t] -= f.sum(axis=0) / weight
-        moment[t] -= _cross(arms, f).sum(axis=0) / weight
+        moment[t] -= cross(arms, f).sum(axis=0) / weight
         torque[t] -= c @ turning.reshape(columns, -1) * weight
     return Supported(forces, force * weight, moment * weight, torque)
 
@@ -118,10 +119,3 @@ def _carried(robot: Robot) -> np.ndarray:
         if model.body_jntnum[body]:
             out[body - 1, model.body_jntadr[body] - 1] = 1.0
     return out
-
-
-def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Cross product over the last axis with broadcasting; ``np.cross`` costs more than all else in a frame."""
-    ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
-    bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
-    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
