@@ -54,7 +54,7 @@ class CarryingSettings:
     hastened: tuple[float, ...] = (1.2, 1.5, 2.0)
     farthest: float = 0.06
     handover: float = 0.1
-    nearby: float = 0.03
+    nearby: float = 0.04
 
 
 def carrying(

@@ -11,7 +11,6 @@ because the anchors are free, and not a hard constraint, whose rows would be dep
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import ClassVar
@@ -19,12 +18,12 @@ from typing import ClassVar
 import casadi as ca
 import numpy as np
 
+from gmr_traj.contacts.mask import to_mask
 from gmr_traj.kinematics.casadi_kinematics import CasadiKinematics
 from gmr_traj.kinematics.mujoco_kinematics import body_points
 from gmr_traj.residuals import FrameResidual, Residual
-from gmr_traj.robot import Sole
-from gmr_traj.runs import runs
 from gmr_traj.terms.context import Context
+from gmr_traj.terms.lifting import alone, ceilings, pivoting, pivots
 from gmr_traj.terms.term import Term
 from gmr_traj.variables import Variables
 
@@ -33,21 +32,26 @@ from gmr_traj.variables import Variables
 class StanceAnchor(Term):
     """Fields: ``horizontal`` and ``vertical``, scales of a point's distance from its anchor and from the floor [m].
 
-    ``rise``: how high contact points may come where the foot stands on its toes (or heels) alone [m].  With it such a
-    foot turns about the tip of its outline, which gets an anchor of its own; without, it stays as flat as the floor
-    keeps that tip from going below.
+    ``rise``: how high contact points may come that a turning foot lifts (:mod:`~gmr_traj.terms.lifting`) [m].  With it
+    a foot that stands on its toes (or heels) alone turns about the tip of its outline, which gets an anchor of its own;
+    without, it stays as flat as the floor keeps that tip from going below.  ``free``: the share of all frames of points
+    in stance in which they may come as high as they like.
     """
 
     horizontal: float
     vertical: float
     rise: float = 0.0
+    free: float = 0.0
 
     uses: ClassVar[tuple[str, ...]] = ("cost",)
 
     def residuals(self, context: Context, variables: Variables) -> list[Residual]:
         """One residual a sole, over the frames in which any of its points is in stance; adds the anchors."""
         out: list[Residual] = []
+        ceiling, last = ceilings(context, self.rise, self.free), 0
+        resting_alone = alone(context.robot, to_mask(context.schedule, context.robot) & ~context.turning)
         for sole in context.robot.soles:
+            own_points = slice(last, last := last + len(sole.points))
             stances = [s for s in context.schedule.stances if s.sole == sole.name]
             slot = context.robot.body_names.index(sole.body)
             tips = pivots(sole) if self.rise > 0.0 else {}
@@ -64,16 +68,14 @@ class StanceAnchor(Term):
             scale = np.tile([self.horizontal, self.horizontal, self.vertical], total)
             weights = np.repeat(resting, 3, axis=1) * (context.dt / scale**2)  # (T, 3 K)
             upper = np.zeros(weights.shape)
+            upper[:, 2 : 3 * count : 3] = ceiling[:, own_points]
+            firm = resting[:, :count] & ~context.turning[:, own_points]
             for number, part in enumerate(tips):
-                turned = _turned(resting[:, :count], sole.parts, part)
-                for first, stop in turned:
+                for first, stop in pivoting(firm, resting_alone[:, own_points], sole.parts, part):
                     during = slice(first, stop)
                     anchor[during, count + number] = variables.add(points[during, count + number, :2].mean(axis=0))
                     resting[during, count + number] = True
                     weights[during, 3 * (count + number) : 3 * (count + number) + 3] = context.dt / scale[:3] ** 2
-                    alone = np.arange(first, stop)[_alone(resting[during, :count], sole.parts, part)]
-                    for k in (k for k, name in enumerate(sole.parts) if name == part):
-                        upper[alone, 3 * k + 2] = self.rise
             frames = np.flatnonzero(resting.any(axis=1))
             if not frames.size:
                 continue
@@ -98,41 +100,6 @@ class StanceAnchor(Term):
                 )
             )
         return out
-
-
-def pivots(sole: Sole) -> dict[str, np.ndarray]:
-    """Part of a sole -> the point of its outline that the foot turns about when that part alone is on the floor [m].
-
-    The contact points lie inside the outline: a foot that rises on its toes rests on the outline's tip, and the toe's
-    contact points rise with the foot.  Without an outline beyond them there is no other point to turn about.
-    """
-    parts = list(dict.fromkeys(sole.parts))
-    if len(parts) < 2 or not len(sole.outline):
-        return {}
-    out = {}
-    for part in parts:
-        its = np.array([name == part for name in sole.parts])
-        outward = sole.points[its].mean(axis=0) - sole.points[~its].mean(axis=0)
-        tip = sole.outline[int((sole.outline @ outward).argmax())]
-        if tip @ outward > (sole.points @ outward).max():
-            out[part] = tip
-    return out
-
-
-def _alone(resting: np.ndarray, parts: Sequence[str], part: str) -> np.ndarray:
-    """Frames in which all points of this part rest, and no others.  # (T,)
-
-    A foot of which one point alone rests may be turning about that point: a tip that is held would stop it.
-    """
-    its = np.array([name == part for name in parts])
-    return np.asarray(resting[:, its].all(axis=1) & ~resting[:, ~its].any(axis=1))
-
-
-def _turned(resting: np.ndarray, parts: Sequence[str], part: str) -> list[tuple[int, int]]:
-    """Runs of frames in which all of a part rests, those in which it rests alone at times."""
-    its = np.array([name == part for name in parts])
-    on, alone = np.asarray(resting[:, its].all(axis=1)), _alone(resting, parts, part)
-    return [(first, stop) for first, stop in runs(on) if alone[first:stop].any()]
 
 
 @lru_cache(maxsize=8)

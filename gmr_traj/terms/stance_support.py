@@ -57,7 +57,7 @@ def support(context: Context) -> Support:
         places.append(place)
     soles = context.robot.soles
     return Support(
-        able=bearing(np.concatenate(resting, axis=1)),
+        able=bearing(np.concatenate(resting, axis=1) & ~context.turning),
         places=np.concatenate(places, axis=1),
         soles=np.repeat(np.arange(len(soles)), [len(sole.points) for sole in soles]),
         own=np.concatenate([sole.points for sole in soles]),
