@@ -38,7 +38,9 @@ class SolveReport:
         status: ``converged``, ``acceptable`` or ``not converged``; the worst of all windows.
         solver_status: Ipopt's own word for it.
         strategy: the strategies that gave the result.
-        iterations: of all passes and windows.
+        iterations: on the whole clip (or on all windows).
+        repairs: programs of parts of the clip around rows that turned out to have been missing,
+        repair_iterations: and the iterations on these.
         seconds: wall-clock time in the engines.
         evaluation_seconds: the part of it spent in function evaluations.
         linear_seconds: the part of it spent on linear systems; of Ipopt, all that is not spent in function evaluations.
@@ -60,6 +62,8 @@ class SolveReport:
     objective: float
     terms: tuple[TermReport, ...]
     message: str
+    repairs: int = 0
+    repair_iterations: int = 0
     trace: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:

@@ -103,6 +103,8 @@ def _merged(reports: list[SolveReport]) -> SolveReport:
         solver_status=worst.solver_status,
         strategy=", ".join(sorted({report.strategy for report in reports})),
         iterations=sum(report.iterations for report in reports),
+        repairs=sum(report.repairs for report in reports),
+        repair_iterations=sum(report.repair_iterations for report in reports),
         seconds=sum(report.seconds for report in reports),
         evaluation_seconds=sum(report.evaluation_seconds for report in reports),
         linear_seconds=sum(report.linear_seconds for report in reports),

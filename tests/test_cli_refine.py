@@ -43,6 +43,7 @@ def outcome(monkeypatch):
             status=wanted.status,
             solver_status="Solve_Succeeded",
             iterations=7,
+            repairs=0,
             seconds=0.5,
             message="",
             to_json=lambda: {"status": wanted.status, "iterations": 7},

@@ -45,11 +45,12 @@ def test_rows_that_turn_out_to_be_missing_are_built() -> None:
     collision = SelfCollision(clearance=0.001, near=0.01, scale=0.001)
     terms = (TRACKING, POSTURE, ("cost", Acceleration(5.0, 20.0, 40.0)), ("hard", collision))
     through, report = solved(centre, problem_of(*terms, passes=1), target)
-    assert (report.passes, report.status) == (1, "converged")
+    assert (report.passes, report.repairs, report.repair_iterations, report.status) == (1, 0, 0, "converged")
     assert "rows that were not part of the problem are violated, first self_collision/torso:arm" in report.message
     assert through.qpos[-1, 9] < -0.95
     clear, report = solved(centre, problem_of(*terms, passes=8), target)
     assert report.passes > 1 and report.status == "converged" and report.message == ""
+    assert report.repairs >= report.passes - 1 and report.repair_iterations >= report.repairs
     term = next(t for t in report.terms if t.name == "self_collision/torso:arm")
     assert term.violation < 2e-4 and term.rows > 35
     assert through.qpos[-1, 9] < clear.qpos[-1, 9] < -0.5

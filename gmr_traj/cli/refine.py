@@ -250,10 +250,10 @@ def _show(clip: Clip, target: Path, settled: Settled, written: Written, code: Ex
     screen, report = console(), settled.refinement.report
     for note in (*clip.notes, *filter(None, [settled.note])):
         screen.print(f"note: {note}", markup=False)
-    frames, iterations = clip.motion.frames, report.iterations
-    screen.print(
-        f"{report.solver_status}: {frames} frames, {iterations} iterations, {report.seconds:.1f} s", markup=False
-    )
+    done = f"{clip.motion.frames} frames, {report.iterations} iterations"
+    if report.repairs:
+        done += f", {report.repair_iterations} more on {report.repairs} part{'s' * (report.repairs > 1)} of it"
+    screen.print(f"{report.solver_status}: {done}, {report.seconds:.1f} s", markup=False)
     if report.message:
         screen.print(report.message, markup=False)
     screen.print(tables.certificate(written.certificate))
