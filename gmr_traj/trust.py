@@ -14,7 +14,9 @@ PLAUSIBLE_BASE = 60.0  # [m/s^2]
 PLAUSIBLE_TURN = 150.0  # [rad/s^2]
 # A fault spoils the frames around it [s].
 REACH = 0.08
-# Frames at either end that a fault separates from the rest are part of the fault if there are at most this many [s].
+# Accelerations above plausible, as a share of it, from which on a frame is at fault; and is where the clip jumps.
+FAULT, JUMP = 0.5, 10.0
+# Frames at either end that a jump separates from the rest are part of the fault if there are at most this many [s].
 END = 0.25
 # Trust left to frames that are known to be wrong: enough to keep the problem well posed.
 NONE = 1e-4
@@ -24,22 +26,32 @@ def trust(motion: RobotMotion) -> np.ndarray:
     """``1 / (1 + e^2)`` near an acceleration e times above plausible, else 1; almost 0 for spoiled ends.  # (T,)
 
     Frame-by-frame retargeting starts from some posture of its own and takes a few frames to reach the motion; those
-    frames say nothing.  Whatever lies between the start of a clip and a fault within its first frames (likewise at
-    the end) is distrusted altogether, so that smoothness continues the motion into them.
+    frames say nothing.  The faults that a clip begins with, one right after the other, and whatever lies outside of a
+    jump near one of its ends, are distrusted altogether, so that smoothness continues the motion into them.  Other
+    faults near the ends are as any: a clip that was cut in the middle of a fast motion ends in frames that say much.
     """
     frames = motion.frames
     if frames < 3:
         return np.ones(frames)
     excess = np.maximum(0.0, _acceleration_ratio(motion) - 1.0)
-    out = 1.0 / (1.0 + maximum_filter1d(excess, 2 * max(1, round(REACH * motion.fps)) + 1) ** 2)
+    reach = max(1, round(REACH * motion.fps))
+    out = 1.0 / (1.0 + maximum_filter1d(excess, 2 * reach + 1) ** 2)
     end = min(round(END * motion.fps), frames // 4)
-    faulty = np.flatnonzero(excess > 0.5)
-    first, last = faulty[faulty <= end], faulty[faulty >= frames - 1 - end]
-    if first.size:
-        out[: first[-1] + 1] = NONE
-    if last.size:
-        out[last[0] :] = NONE
+    jumps = np.flatnonzero(excess > JUMP)
+    before = [_transient(excess[: end + 1], reach), *(jumps[jumps <= end] + 1).tolist()]
+    after = [frames, *jumps[jumps >= frames - 1 - end].tolist()]
+    out[: max(before)] = out[min(after) :] = NONE
     return np.asarray(out)
+
+
+def _transient(excess: np.ndarray, reach: int) -> int:
+    """How many frames the faults take that a clip begins with, none farther than ``reach`` from the one before."""
+    last = -1
+    for t in np.flatnonzero(excess > FAULT).tolist():
+        if t > (last + reach if last >= 0 else 0):
+            break
+        last = t
+    return last + 1
 
 
 def without_spoiled_ends(motion: RobotMotion, believed: np.ndarray) -> RobotMotion:

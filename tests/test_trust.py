@@ -101,3 +101,21 @@ def test_short_clips(frames: int) -> None:
     faulty = standing(frames)
     faulty[-1, 9] = 1.0
     assert trust(clip(faulty)).shape == (frames,)
+
+
+def test_a_clip_cut_in_the_middle_of_a_fast_motion_is_believed_to_its_end() -> None:
+    """A fault near the end that is no jump is as any other: what comes after it is not thrown away."""
+    qpos = joint_jump(dancing(), 94, 0.3)
+    values, middle = trust(clip(qpos)), trust(clip(joint_jump(dancing(), 50, 0.3)))
+    np.testing.assert_allclose(values[88:99], middle[44:55], rtol=0.2)
+    assert values[99] == 1.0 and values.min() > 1e-2
+
+
+def test_faults_from_the_first_frame_on_are_a_transient() -> None:
+    qpos = dancing()
+    qpos[:4, 9] += [1.0, 0.3, 0.05, 0.0]  # on the way to the motion
+    assert trust(clip(qpos))[:2].max() < 1e-3
+    # The same a little later is not where the clip begins.
+    qpos = dancing()
+    qpos[8:12, 9] += [1.0, 0.3, 0.05, 0.0]
+    assert trust(clip(qpos)).min() > 1e-3
