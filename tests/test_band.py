@@ -136,7 +136,8 @@ def test_numbers_are_those_of_the_symbols(formulation: Formulation) -> None:
 
 def test_both_engines_find_the_same_optimum(formulation: Formulation) -> None:
     mine, theirs = solve(formulation, (BAND,)), solve(formulation, (TIGHT,))
-    assert mine.status == theirs.status == "converged" and mine.strategy == "band"
+    # Ipopt may stop before its tolerance is reached: Gauss-Newton steps get slow next to the optimum.
+    assert (mine.status, mine.strategy) == ("converged", "band") and theirs.status != "not converged"
     assert mine.objective == pytest.approx(theirs.objective, rel=1e-6)
     steps = formulation.variables.steps
     np.testing.assert_allclose(mine.x[steps], theirs.x[steps], atol=2e-4)
@@ -163,6 +164,15 @@ def test_curved_rows_and_two_sided_bounds() -> None:
     variables = Variables(3, 1)
     solution = solve(formulate(variables, used), (BAND,))
     np.testing.assert_allclose(solution.x, [1.0, (np.sqrt(5) - 1) / 2, 0.8], atol=1e-5)
+
+
+def test_a_step_that_overshoots_is_halved() -> None:
+    """``min (z^2 + z - 6)^2 / 2`` from 0: the step of the linear model goes to 6, where the objective is 36 times as
+    large, on the way to 2."""
+    solution = solve(formulate(Variables(1, 1), [Used(curved(6.0, 6.0, 1.0), "cost")]), (BAND,))
+    assert solution.status == "converged"
+    np.testing.assert_allclose(solution.x, [2.0], atol=1e-5)
+    assert solution.trace["obj"][0] == 18.0 and max(solution.trace["obj"]) <= 1.1 * 18.0
 
 
 def test_rows_that_must_be_equal_to_something() -> None:

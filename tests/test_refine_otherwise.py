@@ -20,7 +20,7 @@ PROBLEM = load_problem("refine")
 
 
 def settled(monkeypatch: pytest.MonkeyPatch, g1: Any, first: str, second: str) -> tuple[Any, list[str]]:
-    """Settle with the outcomes ``kept``, ``broken`` or ``lost`` of either problem; and which were solved."""
+    """Settle with the outcomes ``kept``, ``broken``, ``worse`` or ``lost`` of either problem; and which were solved."""
     solved: list[str] = []
     outcomes = {"refine": first, "refine_kinematic": second}
     motion = RobotMotion(np.tile(g1.nominal, (4, 1)), 30.0, g1.joint_names)
@@ -33,8 +33,8 @@ def settled(monkeypatch: pytest.MonkeyPatch, g1: Any, first: str, second: str) -
         return SimpleNamespace(name=problem.name, motion=own, schedule=SimpleNamespace(height=0.0), report=report)
 
     def certify(*_: Any, **__: Any) -> Any:
-        held = outcomes[solved[-1]] == "kept"
-        return SimpleNamespace(held=held, broken=() if held else (SimpleNamespace(name="self_depth"),))
+        broken = {"kept": 0, "broken": 1, "worse": 2, "lost": 1}[outcomes[solved[-1]]]
+        return SimpleNamespace(held=broken == 0, broken=(SimpleNamespace(name="self_depth"),) * broken)
 
     monkeypatch.setattr(refine_otherwise, "certify", certify)
     clip = Clip(motion=motion, format="gmr-traj")
@@ -47,6 +47,8 @@ def settled(monkeypatch: pytest.MonkeyPatch, g1: Any, first: str, second: str) -
         ("kept", "kept", "refine"),
         ("broken", "kept", "refine_kinematic"),
         ("broken", "broken", "refine"),
+        ("broken", "worse", "refine"),
+        ("worse", "broken", "refine_kinematic"),
         ("broken", "lost", "refine"),
         ("lost", "kept", "refine_kinematic"),
         ("lost", "broken", "refine_kinematic"),
@@ -59,7 +61,7 @@ def test_which_one_counts(monkeypatch, g1, first: str, second: str, taken: str) 
     assert solved == (["refine"] if first == "kept" else ["refine", "refine_kinematic"])
     assert bool(found.note) is (taken != "refine")
     if found.note:
-        assert ("self_depth" if first == "broken" else "Maximum_Iterations_Exceeded") in found.note
+        assert ("self_depth" if first in ("broken", "worse") else "Maximum_Iterations_Exceeded") in found.note
 
 
 def test_a_certificate_is_of_the_same_motion_alone(monkeypatch, g1) -> None:
@@ -82,6 +84,6 @@ def test_without_another_problem_nothing_is_measured(monkeypatch, g1) -> None:
 def test_another_problem_that_does_not_exist_is_named(monkeypatch, g1) -> None:
     motion = RobotMotion(np.tile(g1.nominal, (4, 1)), 30.0, g1.joint_names)
     lost = SimpleNamespace(motion=motion, schedule=None, report=SimpleNamespace(status="not converged"))
-    monkeypatch.setattr(refine_otherwise, "_certificate", lambda *_: SimpleNamespace(held=False))
+    monkeypatch.setattr(refine_otherwise, "_certificate", lambda *_: SimpleNamespace(held=False, broken=()))
     with pytest.raises(ResourceError, match="peace"):
         settle(Clip(motion=motion, format="gmr-traj"), g1, replace(PROBLEM, otherwise="peace"), lambda _: lost)

@@ -34,6 +34,10 @@ from gmr_traj.band.settings import Settings
 # Weight that keeps a held unknown where it is.
 _HELD = 1e20
 
+# Once the rows are kept, a step that raises the objective by more than this factor is halved, at most so many times:
+# rows of the costs that were kept where the model was made, so that it knows nothing of them, may be in the way.
+_RISE, _HALVINGS = 1.1, 4
+
 # Share of a step from which on it counts for standing still.
 _WHOLE = 0.3
 
@@ -175,10 +179,17 @@ class _State:
         keep = min(max(0.99, 1.0 - self._mu), 1.0 - 1e-9)
         primal = min(1.0, keep * bounds.longest(self._below, self._above, dw))
         dual = min(1.0, keep * min(_longest(self._zl, dzl, np.inf), _longest(self._zu, dzu, np.inf)))
-        self._w = self._w + primal * dw
+        here, before = self._w, self.value
+        self._w = here + primal * dw
         self._zl, self._zu = self._zl + dual * dzl, self._zu + dual * dzu
-        before = self.value
         self._evaluate(self._w[:n])
+        if self._violation <= self._settings.acceptable_constr_viol_tol:
+            for _ in range(_HALVINGS):
+                if self.value <= _RISE * before:
+                    break
+                primal *= 0.5
+                self._w = here + primal * dw
+                self._evaluate(self._w[:n])
         self._follow()
         still = abs(self.value - before) <= self._settings.acceptable_obj_change_tol * max(1.0, abs(self.value))
         # A step that the bounds cut short says nothing about how far the optimum is.

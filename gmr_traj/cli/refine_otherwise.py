@@ -39,7 +39,7 @@ class Settled:
 def settle(clip: Clip, robot: Robot, problem: Problem, solved: Callable[[Problem], Refinement]) -> Settled:
     """Solve a problem; if a promise is broken, or the solver does not converge, the one it names for that case as well.
 
-    The second one counts where it converges and keeps every promise, or where the first one did not even converge.
+    The second one counts where it converges and breaks fewer promises, or where the first one did not even converge.
 
     Args:
         clip: what is refined.
@@ -59,7 +59,7 @@ def settle(clip: Clip, robot: Robot, problem: Problem, solved: Callable[[Problem
     instead = load_problem(problem.otherwise)
     second = solved(instead)
     other = _certificate(clip, robot, second)
-    if not _converged(second) or (_converged(first) and not other.held):
+    if not _converged(second) or (_converged(first) and len(other.broken) >= len(certificate.broken)):
         return Settled(first, problem.name, "", certificate)
     broken = ", ".join(promise.name for promise in certificate.broken)
     why = f"breaks a promise ({broken})" if _converged(first) else f"does not converge ({first.report.solver_status})"
