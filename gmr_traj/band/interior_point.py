@@ -10,10 +10,11 @@ zl, zu >= 0 are the multipliers of the bounds; those of ``g(x) = s`` are ``zl_s 
     tau = (sigma mu - e) / (w - l) - zl - (sigma mu + e') / (u - w) + zu,
 
 first with sigma = e = e' = 0 (the predictor), whose outcome gives ``sigma = (mu_aff / mu)^3`` and the products of its
-steps that the linearisation neglects, ``e = dw dzl`` and ``e' = dw dzu``.  Every step is taken, shortened only to stay
-inside the bounds, as in Ipopt's ``mehrotra_algorithm``.  Where a row with one bound turns out to be farther inside than
-its slack s, the slack follows: that takes nothing from the barrier and makes the row's residual zero, and one pair of
-capsules that swings around does not hold up the whole clip.
+steps that the linearisation neglects, ``e = dw dzl`` and ``e' = dw dzu``.  Every step is taken, shortened to stay
+inside the bounds, as in Ipopt's ``mehrotra_algorithm``, and where it raises the objective much once the rows are kept.
+Where a row with one bound turns out to be farther inside than its slack s, the slack follows: that takes nothing from
+the barrier and makes the row's residual zero, and one pair of capsules that swings around does not hold up the whole
+clip.
 
 Source: S. Mehrotra, On the implementation of a primal-dual interior point method, SIAM J. Optim. 2 (1992).
 """
