@@ -18,8 +18,8 @@ TARGET: RGB = (242, 193, 78)
 LIMIT: RGB = (140, 140, 140)
 FORCE: RGB = (150, 240, 130)
 FAULT: RGB = (214, 48, 60)
-#: What rests on the floor, by part of the sole.
-PARTS: dict[str, RGB] = {"heel": (110, 190, 120), "toe": (66, 140, 96)}
+#: What rests on the floor, by part of the sole, or a limb.
+PARTS: dict[str, RGB] = {"heel": (110, 190, 120), "toe": (66, 140, 96), "limb": (150, 150, 60)}
 
 
 def role(name: str, place: int) -> RGB:

@@ -57,6 +57,28 @@ class Capsule:
 
 
 @dataclass(frozen=True)
+class BodySupport:
+    """A part of the robot other than a foot that may rest on the floor: a hand, a knee, the hips.
+
+    What touches the floor are the round ends of its collision shapes: a ball of radius r, whose centre is r above the
+    floor however the part is turned.
+
+    Attributes:
+        name: e.g. ``left_hand``.
+        shapes: the collision shapes.
+        bodies: the body of each ball.  # K
+        points: the balls' centres in their bodies' frames [m].  # (K, 3)
+        radii: of the balls [m].  # (K,)
+    """
+
+    name: str
+    shapes: tuple[str, ...]
+    bodies: tuple[str, ...]
+    points: np.ndarray
+    radii: np.ndarray
+
+
+@dataclass(frozen=True)
 class Robot:
     """A humanoid: a free-floating base and n hinge joints, one joint a body.
 
@@ -78,6 +100,7 @@ class Robot:
         soles: undersides of the feet.
         capsules: collision shapes.
         collision_pairs: pairs of indices into ``capsules`` that must not overlap.
+        supports: what else may rest on the floor.
     """
 
     name: str
@@ -98,6 +121,7 @@ class Robot:
     soles: tuple[Sole, ...]
     capsules: tuple[Capsule, ...]
     collision_pairs: tuple[tuple[int, int], ...]
+    supports: tuple[BodySupport, ...] = ()
 
     @property
     def dof(self) -> int:

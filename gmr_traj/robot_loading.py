@@ -16,6 +16,7 @@ from gmr_traj.robot_model import compile_model
 from gmr_traj.robot_pairs import collision_pairs
 from gmr_traj.robot_shapes import model_capsules
 from gmr_traj.robot_standing import check_floor, standing_configuration
+from gmr_traj.robot_supports import body_supports
 from gmr_traj.robot_toml import JointFigures, RobotFile, read_robot_toml
 
 
@@ -92,6 +93,7 @@ def _build(file: RobotFile, keep: frozenset[str] | None) -> Robot:
         collision_pairs=collision_pairs(
             model, full_model, capsules, file.ignore_within_joints, file.ignored_pairs, configurations
         ),
+        supports=body_supports(file, capsules),
     )
 
 

@@ -26,6 +26,9 @@ The fields:
     [[soles]]                       # name, body, toe, heel: contact points [m] in the body's frame
     outline                         # optional: more points that must stay above the floor
 
+    [[supports]]                    # optional: name, shapes: collision shapes of a hand, a knee, ... that may rest on
+                                    # the floor
+
     [[capsules]]                    # optional: name, body, start, end (optional), radius [m]; these replace the
                                     # model's own shapes of that body
 
@@ -71,6 +74,14 @@ class KeyBodyFigures:
 
 
 @dataclass(frozen=True)
+class SupportShapes:
+    """A part of the robot that may rest on the floor, by the names of its collision shapes."""
+
+    name: str
+    shapes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class IgnoredPair:
     """Two bodies whose shapes may overlap, and why that is right."""
 
@@ -93,6 +104,7 @@ class RobotFile:
     nominal: dict[str, float]
     key_bodies: tuple[KeyBodyFigures, ...]
     soles: tuple[Sole, ...]
+    supports: tuple[SupportShapes, ...]
     capsules: tuple[Capsule, ...]
     ignore_within_joints: int
     ignored_pairs: tuple[IgnoredPair, ...]
@@ -120,6 +132,7 @@ def read_robot_toml(path: Path) -> RobotFile:
         nominal={key: nominal.number(key) for key in nominal.values},
         key_bodies=tuple(_key_body(t) for t in top.tables("key_bodies")),
         soles=tuple(_sole(t) for t in top.tables("soles")),
+        supports=tuple(_support(t) for t in top.tables("supports", required=False)),
         capsules=tuple(_capsule(t) for t in top.tables("capsules", required=False)),
         ignore_within_joints=collision.count("ignore_within_joints", 2),
         ignored_pairs=tuple(_ignored(t) for t in collision.tables("ignore", required=False)),
@@ -130,6 +143,9 @@ def read_robot_toml(path: Path) -> RobotFile:
     names = [sole.name for sole in file.soles]
     if len(set(names)) != len(names):
         raise RobotError(f"{path}: two [[soles]] have the same name; their names are {', '.join(names)}")
+    names += [support.name for support in file.supports]
+    if len(set(names)) != len(names):
+        raise RobotError(f"{path}: names of [[soles]] and [[supports]] must differ; they are {', '.join(names)}")
     return file
 
 
@@ -163,6 +179,12 @@ def _sole(table: Table) -> Sole:
     sole = Sole(table.text("name"), table.text("body"), points, parts, outline)
     table.done()
     return sole
+
+
+def _support(table: Table) -> SupportShapes:
+    support = SupportShapes(table.text("name"), table.texts("shapes"))
+    table.done()
+    return support
 
 
 def _capsule(table: Table) -> Capsule:

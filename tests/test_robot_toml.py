@@ -26,6 +26,8 @@ def test_reads_every_field(tmp_path: Path) -> None:
     assert file.ignore_within_joints == 1
 
 
+SUPPORT = '[[supports]]\nname = "seat"\nshapes = ["trunk"]\n'
+
 # What is changed in a good file, and what the message must say.
 FAULTS = {
     "not TOML": ('name = "toy"', "name = toy", "not valid TOML"),
@@ -71,6 +73,31 @@ FAULTS = {
         r"expected a list of points \[x, y, z\]",
     ),
     "soles of one name": ('name = "right"', 'name = "left"', "the same name"),
+    "support and sole of one name": (
+        "[collision]",
+        SUPPORT.replace("seat", "left") + "[collision]",
+        "names of .* must differ; they are left, right, left",
+    ),
+    "support of no shape": (
+        "[collision]",
+        SUPPORT.replace('"trunk"', "") + "[collision]",
+        r"shapes is \[\]; expected a list of names",
+    ),
+    "support whose shape is none": (
+        "[collision]",
+        SUPPORT.replace("trunk", "tail") + "[collision]",
+        "no collision shape 'tail'; there are .*trunk",
+    ),
+    "shape in two supports": (
+        "[collision]",
+        SUPPORT + SUPPORT.replace("seat", "back") + "[collision]",
+        r"\[\[supports\]\] 'back': shape 'trunk' is in 'seat' already",
+    ),
+    "support under a foot": (
+        "[collision]",
+        SUPPORT.replace("trunk", "left_foot") + "[collision]",
+        "'left_foot' is of 'left_foot', a foot",
+    ),
     "negative count": ("within_joints = 1", "within_joints = -1", "expected a whole number"),
     "ignored without reason": (
         "[collision]",
@@ -115,6 +142,19 @@ def test_faults_are_named_in_one_line(tmp_path: Path, fault: str) -> None:
         load_robot(path)
     assert str(path) in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_supports_are_the_round_ends_of_shapes(tmp_path: Path) -> None:
+    supports = SUPPORT.replace('"trunk"', '"trunk", "left_thigh"') + "[collision]"
+    robot = load_robot(write_robot(tmp_path, TOML.replace("[collision]", supports, 1)))
+    (seat,) = robot.supports
+    named = {capsule.name: capsule for capsule in robot.capsules}
+    assert seat.bodies == ("base", "base", "left_thigh", "left_thigh")
+    for shape, own in (("trunk", slice(0, 2)), ("left_thigh", slice(2, 4))):
+        ends = np.unique([named[shape].start, named[shape].end], axis=0)
+        np.testing.assert_array_equal(seat.points[own], ends)
+        np.testing.assert_array_equal(seat.radii[own], named[shape].radius)
+    assert load_robot(write_robot(tmp_path)).supports == ()
 
 
 def test_missing_file_is_named(tmp_path: Path) -> None:

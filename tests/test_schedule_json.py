@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gmr_traj.contacts.schedule import ContactSchedule, Stance
+from gmr_traj.contacts.schedule import LIMB, ContactSchedule, Stance
 from gmr_traj.contacts.schedule_json import from_json, to_json
 from gmr_traj.exceptions import ScheduleError
 from gmr_traj.robot import Robot
@@ -63,6 +63,22 @@ def stance(**fields: Any) -> dict[str, Any]:
     return {"sole": "left", "point": 0, "start": 3, "stop": 9, **fields}
 
 
+def hand(**fields: Any) -> dict[str, Any]:
+    return {"support": "left_hand", "point": 1, "start": 3, "stop": 9, **fields}
+
+
+def test_supports_that_are_no_soles() -> None:
+    """They are named as such, have no parts, and come back the same; without a point every point is meant."""
+    schedule = read(hand(), stance())
+    assert Stance("left_hand", 1, LIMB, 3, 9) in schedule.stances and len(schedule.stances) == 2
+    text = to_json(schedule)
+    assert from_json(text, G1, frames=60, fps=30.0) == schedule
+    line = next(line for line in text.splitlines() if "left_hand" in line)
+    assert line.startswith('  {"support": "left_hand", "point": 1, "start": 3') and "part" not in line
+    whole = read({"support": "left_hand", "start": 3, "stop": 9}).stances
+    assert len(whole) == len(next(s for s in G1.supports if s.name == "left_hand").points)
+
+
 def test_shorthand() -> None:
     """Without a point every point of the part, without a part the whole sole; what touches is joined."""
     sole = next(sole for sole in G1.soles if sole.name == "left")
@@ -93,13 +109,19 @@ def test_the_frame_rate_is_the_clips() -> None:
         ([stance(start=-1)], "line 2: frames -1"),
         ([stance(start=3.0)], "line 2: 'start' is 3.0; expected a whole number"),
         ([stance(start=True)], "line 2: 'start' is True"),
-        ([stance(begin=3)], "line 2: a stance has no field 'begin'; it has sole, point"),
+        ([stance(begin=3)], "line 2: a stance has no field 'begin'; it has sole, support, point"),
         (
             [stance(), stance(start=20, stop=30), stance(start=8, stop=12)],
             "line 4: .*overlaps the one on line 2 in frames 8 to 9",
         ),
         ([stance(), {"sole": "left", "start": 5, "stop": 7}], "line 3: .*overlaps the one on line 2 in frames 5 to 7"),
         (["left"], "line 2: expected a stance such as"),
+        ([{"support": "tail", "start": 3, "stop": 9}], "line 2: .*has no support 'tail'; it has left_hand"),
+        ([hand(point=9)], r"line 2: support 'left_hand' has no point 9; it has points 0 to \d"),
+        ([hand(part="toe")], "line 2: support 'left_hand' has no parts"),
+        ([hand(sole="left")], "line 2: a stance is of a sole or of a support"),
+        ([stance(sole="left_hand")], "line 2: .*has no sole 'left_hand'"),
+        ([hand(), hand(start=5)], "line 3: .*support 'left_hand' overlaps the one on line 2"),
     ],
 )
 def test_mistakes_name_their_line(stances: list[Any], message: str) -> None:

@@ -14,6 +14,7 @@ import pytest
 import rerun as rr
 from hypothesis import given
 from hypothesis import strategies as st
+from limb_clips import HANDS, KNEES, on_all_fours
 from rerun.chunk import RrdReader
 from scipy.spatial.transform import Rotation
 
@@ -147,6 +148,22 @@ def test_lanes_are_the_stances_and_artefacts(rows, scene):
                 expected[a.start : a.stop] = True
         times, states = column(rows, f"/artefacts/raw/{kind}", "state")
         np.testing.assert_array_equal(held(times, states, scene.fps, len(expected)) != "", expected)
+
+
+def test_limbs_in_stance_have_lanes_points_and_anchors(g1: Robot, tmp_path: Path) -> None:
+    crawling = track("refined", on_all_fours(g1, 20, step=False), g1)
+    save(Scene("fours", (crawling,)), tmp_path / "fours.rrd", meshes=False)
+    rows = defaultdict(list)
+    for chunk in RrdReader(tmp_path / "fours.rrd").stream():
+        rows[str(chunk.entity_path)].append(chunk)
+    lanes = {path for path in rows if path.startswith("/stances/")}
+    expected = {f"/stances/{name}" for name in HANDS + KNEES}
+    assert expected <= lanes and "/stances/hips" not in lanes  # which never touch the floor
+    _, points = column(rows, "/world/refined/soles/left_hand", "positions")
+    _, anchors = column(rows, "/world/refined/anchors", "positions")
+    assert len(anchors[0]) == len(crawling.schedule.stances)
+    assert all(point[2] == 0.0 for point in anchors[0])
+    assert min(point[2] for point in points[0]) == pytest.approx(0.0, abs=2e-3)
 
 
 def held(times: np.ndarray, states: np.ndarray, fps: float, frames: int) -> np.ndarray:

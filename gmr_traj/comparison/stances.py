@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from gmr_traj.contacts.detect import detect
 from gmr_traj.contacts.rest import DetectionSettings, rest_runs
-from gmr_traj.contacts.schedule import ContactSchedule, Stance
+from gmr_traj.contacts.schedule import LIMB, ContactSchedule, Stance
 from gmr_traj.metrics.intervals import intervals
 from gmr_traj.motion import RobotMotion
 from gmr_traj.references import BodyTargets
@@ -44,7 +44,7 @@ def from_targets(targets: BodyTargets, robot: Robot, fps: float) -> ContactSched
 
 
 def by_vote(motions: Sequence[RobotMotion], robot: Robot) -> ContactSchedule:
-    """Stances that at least half of the clips have, each found on its own clip by ``contacts.detect``.
+    """Stances of the soles that at least half of the clips have, each found on its own clip by ``contacts.detect``.
 
     A point that half of the clips have at rest is in stance for all, so no clip gets better by being airborne.
     Stances shorter than ``DetectionSettings.shortest`` are dropped.
@@ -57,7 +57,7 @@ def by_vote(motions: Sequence[RobotMotion], robot: Robot) -> ContactSchedule:
     slots = [(sole.name, k, part) for sole in robot.soles for k, part in enumerate(sole.parts)]
     votes = np.zeros((frames, len(slots)))
     for motion in motions:
-        for s in detect(motion, robot).stances:
+        for s in (s for s in detect(motion, robot).stances if s.part != LIMB):
             votes[s.start : s.stop, slots.index((s.sole, s.point, s.part))] += 1.0
     shortest = max(3, round(DetectionSettings().shortest * fps))
     stances = [

@@ -23,7 +23,7 @@ from gmr_traj.constants import GRAVITY
 from gmr_traj.contacts.detect import sole_points
 from gmr_traj.contacts.headings import headings
 from gmr_traj.contacts.held_longer import Standing
-from gmr_traj.contacts.mask import from_mask, owners, to_mask
+from gmr_traj.contacts.mask import from_mask, limbs_to_mask, owners, to_mask
 from gmr_traj.contacts.rest import DetectionSettings, rest_runs
 from gmr_traj.contacts.schedule import ContactSchedule
 from gmr_traj.kinematics.mujoco_kinematics import placements
@@ -84,6 +84,7 @@ def carrying(
     standing = Standing(resting, points, above, facing, list(parts.values()), settings.farthest)
     height = centre_height(robot, *placements(robot, motion.qpos))
     loaded = load(height, motion.fps, settings.spread) > settings.loaded
+    loaded &= ~bearing(limbs_to_mask(schedule, robot)).any(axis=1)  # hands or knees bear it
     _hold(standing, loaded)
     for wide, fast in zip(settings.widened, settings.hastened, strict=True):
         easier = replace(

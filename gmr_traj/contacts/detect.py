@@ -1,9 +1,10 @@
-"""Which sole points rest on the floor in which frames, read off a robot clip."""
+"""Which sole points, and which other supports, rest on the floor in which frames, read off a robot clip."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from gmr_traj.contacts.limbs import limb_points, lowest_of_feet, resting_limbs
 from gmr_traj.contacts.mask import from_mask, to_mask
 from gmr_traj.contacts.rest import DetectionSettings, rest_runs
 from gmr_traj.contacts.schedule import ContactSchedule
@@ -19,12 +20,12 @@ def detect(
     settings: DetectionSettings | None = None,
     source: ContactSchedule | None = None,
 ) -> ContactSchedule:
-    """Stances of every sole point.
+    """Stances of every sole point, and of the other supports that the robot declares.
 
     Args:
         motion: the clip.
         robot: the robot.
-        settings: thresholds; the default ones where none are given.
+        settings: thresholds of the soles; the default ones where none are given.
         source: when the same points are in stance in what the clip is a retarget of: retargeted feet hover over the
             floor by centimetres, and there they may.
 
@@ -32,8 +33,11 @@ def detect(
         ScheduleError: the source's stances are of another number of frames than the clip.
     """
     settings = settings or DetectionSettings()
-    points = sole_points(motion, robot)
-    level = float(np.quantile(points[:, :, 2].min(axis=1), settings.level_quantile))
+    placed = placements(robot, motion.qpos)
+    points, (centres, radii) = _sole_points(robot, placed), limb_points(robot, placed)
+    limbs = centres[..., 2] - radii
+    lowest = lowest_of_feet(robot, placed, points[:, :, 2].min(axis=1), limbs)
+    level = float(np.quantile(lowest, settings.level_quantile))
     height = points[:, :, 2] - level
     if source is not None:
         if source.frames != motion.frames:
@@ -43,12 +47,16 @@ def detect(
     for on, found in zip(resting.T, rest_runs(points, height, motion.fps, settings), strict=True):
         for start, stop in found:
             on[start:stop] = True
-    return from_mask(ContactSchedule(motion.frames, motion.fps, (), height=-level), robot, resting)
+    on_limbs = resting_limbs(robot, centres, limbs - level, motion.fps)
+    return from_mask(ContactSchedule(motion.frames, motion.fps, (), height=-level), robot, resting, on_limbs)
 
 
 def sole_points(motion: RobotMotion, robot: Robot) -> np.ndarray:
     """World positions of all contact points [m], one sole after the other.  # (T, K, 3)"""
-    placed = placements(robot, motion.qpos)
+    return _sole_points(robot, placements(robot, motion.qpos))
+
+
+def _sole_points(robot: Robot, placed: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
     slots = [robot.body_names.index(sole.body) for sole in robot.soles]
     return np.concatenate(
         [body_points(placed, slot, sole.points) for slot, sole in zip(slots, robot.soles, strict=True)], axis=1

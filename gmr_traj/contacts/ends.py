@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gmr_traj.contacts.mask import from_mask, to_mask
+from gmr_traj.contacts.mask import from_mask, limbs_to_mask, to_mask
 from gmr_traj.contacts.schedule import ContactSchedule
 from gmr_traj.robot import Robot
 
@@ -20,15 +20,16 @@ def continued(schedule: ContactSchedule, robot: Robot, believed: np.ndarray) -> 
 
     Args:
         schedule: of the clip.
-        robot: whose soles it speaks of.
+        robot: whose soles and other supports it speaks of.
         believed: frames that say something about the motion.  # (T,) bool
     """
     if believed.all() or not believed.any():
         return schedule
-    resting = to_mask(schedule, robot)
+    resting, limbs = to_mask(schedule, robot), limbs_to_mask(schedule, robot)
     for way in (slice(None), slice(None, None, -1)):
-        _from_the_start(resting[way], int(np.argmax(believed[way])))
-    return from_mask(schedule, robot, resting)
+        for on in (resting, limbs):
+            _from_the_start(on[way], int(np.argmax(believed[way])))
+    return from_mask(schedule, robot, resting, limbs)
 
 
 def _from_the_start(resting: np.ndarray, first: int) -> None:

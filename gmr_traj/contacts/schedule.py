@@ -1,18 +1,21 @@
-"""When which part of which sole rests on the floor."""
+"""When which part of which sole, or which other support of the body, rests on the floor."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+#: Part of the stances of supports that are not soles: hands, knees, elbows, hips.
+LIMB = "limb"
+
 
 @dataclass(frozen=True, order=True)
 class Stance:
-    """One sole point at rest on the floor from frame ``start`` up to, not including, frame ``stop``.
+    """One point of a sole, or of another support, at rest from frame ``start`` up to, not including, frame ``stop``.
 
     Attributes:
-        sole: name of the sole (``left``).
-        point: index into the sole's contact points.
-        part: part of the sole the point belongs to (``heel`` or ``toe``).
+        sole: name of the sole (``left``), or of the support (``left_hand``).
+        point: index into the sole's contact points, or into the support's balls.
+        part: part of the sole the point belongs to (``heel`` or ``toe``), ``LIMB`` for a support.
         start, stop: frames, half open.
     """
 

@@ -10,6 +10,10 @@ stance's frames in which height and speed of the point show it.  In the others t
 next to a spoiled end: the lower the share, the less sure.  ``stop`` is the first frame after the stance.  In a file
 written by hand ``point`` may be left out, which means every point of that ``part``, and ``part`` may be left out too,
 which means the whole sole; stances written this way may touch or repeat each other and are joined.
+
+Stances of hands, knees and whatever else the robot declares have ``support`` instead of ``sole``, and no ``part``:
+
+    {"support": "left_hand", "point": 1, "start": 20, "stop": 55, "start_s": 0.667, "stop_s": 1.833}
 """
 
 from __future__ import annotations
@@ -20,11 +24,11 @@ from itertools import pairwise
 from typing import Any
 
 from gmr_traj.contacts.json_lines import Element, parse_with_lines
-from gmr_traj.contacts.schedule import ContactSchedule, Stance
+from gmr_traj.contacts.schedule import LIMB, ContactSchedule, Stance
 from gmr_traj.exceptions import ScheduleError
-from gmr_traj.robot import Robot, Sole
+from gmr_traj.robot import Robot
 
-_KEYS = ("sole", "point", "part", "start", "stop", "start_s", "stop_s", "seen")
+_KEYS = ("sole", "support", "point", "part", "start", "stop", "start_s", "stop_s", "seen")
 
 
 def to_json(schedule: ContactSchedule, seen: ContactSchedule | None = None) -> str:
@@ -38,9 +42,9 @@ def to_json(schedule: ContactSchedule, seen: ContactSchedule | None = None) -> s
     lines = [
         json.dumps(
             {
-                "sole": s.sole,
+                **({"support": s.sole} if s.part == LIMB else {"sole": s.sole}),
                 "point": s.point,
-                "part": s.part,
+                **({} if s.part == LIMB else {"part": s.part}),
                 "start": s.start,
                 "stop": s.stop,
                 "start_s": round(s.start / schedule.fps, 3),
@@ -66,13 +70,13 @@ def from_json(text: str, robot: Robot, *, frames: int, fps: float) -> ContactSch
 
     Args:
         text: JSON as ``to_json`` writes it, or edited by hand.
-        robot: the robot whose soles are meant.
+        robot: the robot whose soles and other supports are meant.
         frames: number of frames of the clip the schedule is for.
         fps: frame rate of that clip [Hz], which the schedule takes over.
 
     Raises:
-        ScheduleError: the text is not JSON, or a stance names an unknown sole, point or part, lies outside the clip
-            or overlaps another of the same point; the message starts with the line.
+        ScheduleError: the text is not JSON, or a stance names an unknown sole, support, point or part, lies outside the
+            clip or overlaps another of the same point; the message starts with the line.
     """
     document, elements = parse_with_lines(text, "stances")
     _refuse_unknown(document, ("frames", "fps", "height", "stances"), 1, "the schedule")
@@ -92,32 +96,34 @@ class _Entry:
 
 
 def _entries(element: Element, robot: Robot, frames: int) -> list[_Entry]:
-    """The stances one element of the list means: one, or one for each point of a part or of a sole."""
+    """The stances one element of the list means: one, or one for each point of a part, of a sole or of a support."""
     line, item = element.line, element.value
     if not isinstance(item, dict):
         raise ScheduleError(f'line {line}: expected a stance such as {{"sole": "left", "start": 12, "stop": 40}}')
     _refuse_unknown(item, _KEYS, line, "a stance")
-    sole = _sole(item, robot, line)
+    what, name, parts = _support(item, robot, line)
     start, stop = _integer(item, "start", line), _integer(item, "stop", line)
     if not 0 <= start < stop <= frames:
         raise ScheduleError(
             f"line {line}: frames {start} to {stop} are not a range of the clip; expected 0 <= start < stop <= {frames}"
         )
     part = item.get("part")
-    if part is not None and part not in sole.parts:
-        parts = ", ".join(sorted(set(sole.parts)))
-        raise ScheduleError(f"line {line}: sole {sole.name!r} has no part {part!r}; it has {parts}")
+    if part is not None and what == "support":
+        raise ScheduleError(f"line {line}: support {name!r} has no parts; leave out the part")
+    if part is not None and part not in parts:
+        known = ", ".join(sorted(set(parts)))
+        raise ScheduleError(f"line {line}: sole {name!r} has no part {part!r}; it has {known}")
     if item.get("point") is None:
-        points = [k for k, p in enumerate(sole.parts) if part in (None, p)]
-        return [_Entry(Stance(sole.name, k, sole.parts[k], start, stop), line, True) for k in points]
+        points = [k for k, p in enumerate(parts) if part in (None, p)]
+        return [_Entry(Stance(name, k, parts[k], start, stop), line, True) for k in points]
     point = _integer(item, "point", line)
-    if not 0 <= point < len(sole.parts):
-        last = len(sole.parts) - 1
-        raise ScheduleError(f"line {line}: sole {sole.name!r} has no point {point}; it has points 0 to {last}")
-    own = sole.parts[point]
+    if not 0 <= point < len(parts):
+        last = len(parts) - 1
+        raise ScheduleError(f"line {line}: {what} {name!r} has no point {point}; it has points 0 to {last}")
+    own = parts[point]
     if part is not None and part != own:
-        raise ScheduleError(f"line {line}: point {point} of sole {sole.name!r} belongs to the {own}, not the {part}")
-    return [_Entry(Stance(sole.name, point, own, start, stop), line, False)]
+        raise ScheduleError(f"line {line}: point {point} of sole {name!r} belongs to the {own}, not the {part}")
+    return [_Entry(Stance(name, point, own, start, stop), line, False)]
 
 
 def _merge(entries: list[_Entry]) -> tuple[Stance, ...]:
@@ -137,19 +143,29 @@ def _merge(entries: list[_Entry]) -> tuple[Stance, ...]:
         if same and b.stance.start < a.stance.stop:
             first, second = sorted((a.line, b.line))
             raise ScheduleError(
-                f"line {second}: the stance of point {b.stance.point} of sole {b.stance.sole!r} overlaps the one on "
-                f"line {first} in frames {b.stance.start} to {min(a.stance.stop, b.stance.stop)}"
+                f"line {second}: the stance of point {b.stance.point} of {_kind(b.stance)} {b.stance.sole!r} overlaps "
+                f"the one on line {first} in frames {b.stance.start} to {min(a.stance.stop, b.stance.stop)}"
             )
     return tuple(entry.stance for entry in merged)
 
 
-def _sole(item: dict[str, Any], robot: Robot, line: int) -> Sole:
-    name = item.get("sole")
-    for sole in robot.soles:
-        if sole.name == name:
-            return sole
-    soles = ", ".join(sole.name for sole in robot.soles)
-    raise ScheduleError(f"line {line}: robot {robot.name} has no sole {name!r}; it has {soles}")
+def _support(item: dict[str, Any], robot: Robot, line: int) -> tuple[str, str, tuple[str, ...]]:
+    """Whether a stance is of a sole or of another support, its name, and the part that each of its points is of."""
+    what = "support" if "support" in item else "sole"
+    if what == "support" and "sole" in item:
+        raise ScheduleError(f"line {line}: a stance is of a sole or of a support; leave out one of them")
+    parts = {sole.name: sole.parts for sole in robot.soles}
+    if what == "support":
+        parts = {support.name: (LIMB,) * len(support.points) for support in robot.supports}
+    name = item.get(what)
+    if isinstance(name, str) and name in parts:
+        return what, name, parts[name]
+    known = ", ".join(parts) or "none"
+    raise ScheduleError(f"line {line}: robot {robot.name} has no {what} {name!r}; it has {known}")
+
+
+def _kind(stance: Stance) -> str:
+    return "support" if stance.part == LIMB else "sole"
 
 
 def _refuse_unknown(item: dict[str, Any], known: tuple[str, ...], line: int, what: str) -> None:

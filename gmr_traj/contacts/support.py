@@ -34,6 +34,26 @@ def edges(points: np.ndarray, widen: float) -> tuple[np.ndarray, np.ndarray]:
     return -equations[:, :2], equations[:, 2]
 
 
+def thinned(points: np.ndarray, most: int) -> np.ndarray:
+    """The points, or where there are more of them at most ``most`` corners of their hull: a polygon inside it.
+
+    Corners are dropped one after another, the one first that cuts the least area off.
+
+    Args:
+        points: at least one.  # (K, 2)
+        most: at least three.
+    """
+    hull = _hull(points) if len(points) > most else None
+    if hull is None:
+        return points
+    corners = points[hull.vertices]  # in order around it
+    while len(corners) > most:
+        before, after = corners - np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0) - corners
+        area = np.abs(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0])
+        corners = np.delete(corners, int(area.argmin()), axis=0)
+    return corners
+
+
 def _hull(points: np.ndarray) -> ConvexHull | None:
     """The hull of the points; None where they are on a line."""
     if len(points) < 3 or np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[1] < _THIN:

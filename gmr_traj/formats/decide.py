@@ -9,7 +9,7 @@ from gmr_traj.contacts.schedule_json import from_json
 from gmr_traj.exceptions import ClipError
 from gmr_traj.formats.clip import Clip
 from gmr_traj.formats.raw import RawMotion, number
-from gmr_traj.formats.standing import CONTRADICTING, DECISIVE, StandingTest
+from gmr_traj.formats.standing import CONTRADICTING, DECISIVE, ON_ITS_FEET, StandingTest
 from gmr_traj.formats.tree_order import breadth_first_joints, leg_joints
 from gmr_traj.formats.units import check_z_up, metres, radians, unit_quaternions
 from gmr_traj.motion import RobotMotion
@@ -155,7 +155,7 @@ def _order(
                 f"{likely} {figures}; set --quaternion xyzw or --quaternion wxyz"
             )
         return likely, (f"quaternion order {likely}: {figures}",)
-    if likely != raw.order and gap > CONTRADICTING:
+    if likely != raw.order and gap > CONTRADICTING and odd[likely] < ON_ITS_FEET:
         raise ClipError(
             f"the base quaternion should be {raw.order} in this format but looks like {likely}: {figures}; "
             f"set --quaternion {likely}, or --quaternion {raw.order} to insist"
@@ -172,7 +172,7 @@ def _check_joint_order(
         return
     swapped = StandingTest(model, joints[:, [isaac.index(name) for name in model.joint_names]], rate)
     here, there = standing.oddness(position, turns), swapped.oddness(position, turns)
-    if here - there > CONTRADICTING:
+    if here - there > CONTRADICTING and there < ON_ITS_FEET:
         raise ClipError(
             f"the joints look like Isaac's (breadth-first) order: sole tilt and foot slip score {there:.1f} read so, "
             f"{here:.1f} in the model's order; reorder the columns, or save an npz with qpos, fps and joint_names"

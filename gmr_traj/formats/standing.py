@@ -24,6 +24,8 @@ _SLIP = 0.2  # of the lowest sole point, median [m/s]
 DECISIVE = 1.0
 #: Difference from which what a format defines is doubted.
 CONTRADICTING = 1.5
+#: No robot on its feet, rightly read, is odder; a reading that is cannot contradict a format, the robot lies or crawls.
+ON_ITS_FEET = 5.0
 
 _PAIRS = 250
 

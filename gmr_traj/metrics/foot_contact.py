@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gmr_traj.contacts.schedule import ContactSchedule
+from gmr_traj.contacts.schedule import LIMB, ContactSchedule
 from gmr_traj.metrics.observation import Observation
 from gmr_traj.robot import Robot
 
@@ -13,7 +13,7 @@ def stance_mask(schedule: ContactSchedule, robot: Robot) -> np.ndarray:
     """Whether each foot is in stance, in the order of ``robot.soles``: whether any point of its sole is.  # (T, S)"""
     index = {sole.name: s for s, sole in enumerate(robot.soles)}
     mask = np.zeros((schedule.frames, len(index)), dtype=bool)
-    for stance in schedule.stances:
+    for stance in (s for s in schedule.stances if s.part != LIMB):
         mask[stance.start : stance.stop, index[stance.sole]] = True
     return mask
 

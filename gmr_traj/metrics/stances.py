@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gmr_traj.contacts.schedule import ContactSchedule, Stance
+from gmr_traj.contacts.schedule import LIMB, ContactSchedule, Stance
 from gmr_traj.exceptions import ScheduleError
 from gmr_traj.metrics.observation import Observation
 
@@ -19,7 +19,8 @@ class StanceTrack:
         stance: the stance.
         drift: ``||p_xy[t] - p_xy[start]||`` [m].  # (stop - start,)
         speed: ``||p_xy[t+1] - p_xy[t]|| fps`` [m/s].  # (stop - start - 1,)
-        height: ``p_z[t]`` [m].  # (stop - start,)
+        height: ``p_z[t]``; in frames in which a hand, a knee or another limb is in stance, too, of the foot's lowest
+            point, shapes included: there a foot stands on its tip, however steeply [m].  # (stop - start,)
     """
 
     stance: Stance
@@ -29,7 +30,9 @@ class StanceTrack:
 
 
 def stance_tracks(observation: Observation, schedule: ContactSchedule) -> tuple[StanceTrack, ...]:
-    """The sole point of every stance over its frames, in the schedule's order.
+    """The sole point of every stance of a foot over its frames, in the schedule's order.
+
+    Stances of hands, knees and other limbs are not among them: what is promised and reported of stances is of feet.
 
     Raises:
         ScheduleError: where the schedule is for another number of frames, or a stance names a sole, a point or
@@ -41,8 +44,15 @@ def stance_tracks(observation: Observation, schedule: ContactSchedule) -> tuple[
             f"the contact schedule is for {schedule.frames} frames, the clip has {motion.frames}: detect them again"
         )
     soles = {sole.name: points for sole, points in zip(robot.soles, observation.soles, strict=True)}
+    tips = {}
+    for sole, *both in zip(robot.soles, observation.soles, observation.outlines, strict=True):
+        shapes = observation.lowest[:, [capsule.body == sole.body for capsule in robot.capsules]]
+        tips[sole.name] = np.concatenate([*(points[..., 2] for points in both), shapes], axis=1).min(axis=1)
+    on_limbs = np.zeros(motion.frames, bool)
+    for stance in (s for s in schedule.stances if s.part == LIMB):
+        on_limbs[stance.start : stance.stop] = True
     tracks = []
-    for stance in schedule.stances:
+    for stance in (s for s in schedule.stances if s.part != LIMB):
         points = soles.get(stance.sole)
         if points is None:
             raise ScheduleError(f"a stance names sole {stance.sole!r}; robot {robot.name} has {', '.join(soles)}")
@@ -55,14 +65,15 @@ def stance_tracks(observation: Observation, schedule: ContactSchedule) -> tuple[
                 f"a stance of sole {stance.sole!r} lasts from frame {stance.start} to {stance.stop}; "
                 f"it needs 0 <= start < stop <= {motion.frames}"
             )
-        p = points[stance.start : stance.stop, stance.point]  # (N, 3)
+        span = slice(stance.start, stance.stop)
+        p = points[span, stance.point]  # (N, 3)
         flat = p[:, :2]
         tracks.append(
             StanceTrack(
                 stance=stance,
                 drift=np.linalg.norm(flat - flat[0], axis=1),
                 speed=np.linalg.norm(np.diff(flat, axis=0), axis=1) * motion.fps,
-                height=p[:, 2],
+                height=np.where(on_limbs[span], tips[stance.sole][span], p[:, 2]),
             )
         )
     return tuple(tracks)

@@ -14,7 +14,9 @@ weight asks of it (its inertia is left out), and
 
     |w - a . (M - c x F)| <= effort * limit.
 
-A frame in which the stances do not say what carries the robot (it leans on its hands, say) has no rows.
+A frame in which the stances do not say what carries the robot (it lies on its back, say) has no rows.
+
+Hands, knees, elbows and hips in stance are points of the hull like any other.
 
 The hull goes with the feet; the legs' axes are those of the centre motion.  A row that is off by e scales costs
 ``robust^2 (sqrt(1 + e^2 / robust^2) - 1)``: where the schedule is wrong a row cannot be kept, and must not win.
@@ -30,7 +32,7 @@ import casadi as ca
 import numpy as np
 
 from gmr_traj.constants import GRAVITY
-from gmr_traj.contacts.support import edges
+from gmr_traj.contacts.support import edges, thinned
 from gmr_traj.kinematics.casadi_kinematics import CasadiKinematics
 from gmr_traj.residuals import FrameResidual, GaussNewton, Residual
 from gmr_traj.robot import Robot
@@ -134,7 +136,7 @@ class ContactWrench(Term):
             points = given.places[t, able]
             key = points.tobytes()
             if key not in known:
-                known[key] = edges(points, _WIDTH)
+                known[key] = edges(thinned(points, _most_edges(robot)), _WIDTH)
             normals, offsets = known[key]
             last = _CONE + len(normals)
             maps[t, :_CONE, 2] = [1.0, *[self.friction] * 4]
@@ -143,12 +145,12 @@ class ContactWrench(Term):
             maps[t, _CONE:last, 2] = normals @ origins[t, :2] - offsets - self.margin
             lower[t, :last] = 0.0
             standing = np.unique(given.soles[able])
-            for s in standing:
+            for s in standing[standing < len(robot.soles)]:
                 its = able & (given.soles == s)
                 feet[t, s, 0] = 1.0 / len(standing)
                 feet[t, s, 1:4] = given.own[its].mean(axis=0)
                 feet[t, s, 4:] = given.places[t, its].mean(axis=0)
-            if len(standing) > 1:
+            if len(standing) > 1 or standing[0] >= len(robot.soles):
                 continue
             s = int(standing[0])
             now = positions[t, bodies[s]] + rotations[t, bodies[s]] @ feet[t, s, 1:4]
@@ -162,7 +164,7 @@ class ContactWrench(Term):
 
 
 def _most_edges(robot: Robot) -> int:
-    """How many edges a hull of all sole points can have; that of a point or a line has four."""
+    """How many edges a hull of all sole points can have, and no other has more; that of a point or a line has four."""
     return max(4, sum(len(sole.points) for sole in robot.soles))
 
 

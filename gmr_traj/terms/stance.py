@@ -24,6 +24,8 @@ from gmr_traj.kinematics.mujoco_kinematics import body_points
 from gmr_traj.residuals import FrameResidual, Residual
 from gmr_traj.terms.context import Context
 from gmr_traj.terms.lifting import alone, ceilings, pivoting, pivots
+from gmr_traj.terms.limb_stance import limb_anchors
+from gmr_traj.terms.steep_feet import overhang
 from gmr_traj.terms.term import Term
 from gmr_traj.variables import Variables
 
@@ -35,18 +37,21 @@ class StanceAnchor(Term):
     ``rise``: how high contact points may come that a turning foot lifts (:mod:`~gmr_traj.terms.lifting`) [m].  With it
     a foot that stands on its toes (or heels) alone turns about the tip of its outline, which gets an anchor of its own;
     without, it stays as flat as the floor keeps that tip from going below.  ``free``: the share of all frames of points
-    in stance in which they may come as high as they like.
+    in stance in which they may come as high as they like.  ``limb``: scale of the distance of hands, knees, elbows and
+    hips in stance from their anchors and from the floor [m]; without it they are not held
+    (:mod:`~gmr_traj.terms.limb_stance`).
     """
 
     horizontal: float
     vertical: float
     rise: float = 0.0
     free: float = 0.0
+    limb: float = 0.0
 
     uses: ClassVar[tuple[str, ...]] = ("cost",)
 
     def residuals(self, context: Context, variables: Variables) -> list[Residual]:
-        """One residual a sole, over the frames in which any of its points is in stance; adds the anchors."""
+        """One residual a sole or limb, over the frames in which any of its points is in stance; adds the anchors."""
         out: list[Residual] = []
         ceiling, last = ceilings(context, self.rise, self.free), 0
         resting_alone = alone(context.robot, to_mask(context.schedule, context.robot) & ~context.turning)
@@ -69,6 +74,8 @@ class StanceAnchor(Term):
             weights = np.repeat(resting, 3, axis=1) * (context.dt / scale**2)  # (T, 3 K)
             upper = np.zeros(weights.shape)
             upper[:, 2 : 3 * count : 3] = ceiling[:, own_points]
+            steep = overhang(context, sole, own, resting[:, :count])
+            upper[:, 2::3] = np.maximum(upper[:, 2::3], steep)
             firm = resting[:, :count] & ~context.turning[:, own_points]
             for number, part in enumerate(tips):
                 for first, stop in pivoting(firm, resting_alone[:, own_points], sole.parts, part):
@@ -99,7 +106,7 @@ class StanceAnchor(Term):
                     weights=weights[frames].T,
                 )
             )
-        return out
+        return out + (limb_anchors(context, variables, self.limb) if self.limb > 0.0 else [])
 
 
 @lru_cache(maxsize=8)

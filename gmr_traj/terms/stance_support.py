@@ -1,6 +1,6 @@
 """What the stances of a schedule can bear in every frame: which points, where they stand, with which legs.
 
-And what they do not explain: a clip may lean on its hands, or stand on a box that nobody has told of.
+And what they do not explain: a clip may lie on its back, or stand on a box that nobody has told of.
 """
 
 from __future__ import annotations
@@ -10,8 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from gmr_traj.contacts.carrying import CarryingSettings, bearing, centre_height, load
+from gmr_traj.contacts.limbs import limb_points
+from gmr_traj.contacts.mask import limb_owners, limbs_to_mask
 from gmr_traj.kinematics.mujoco_kinematics import body_points
-from gmr_traj.robot import Robot
+from gmr_traj.robot import BodySupport, Robot, Sole
 from gmr_traj.runs import runs
 from gmr_traj.terms.context import Context
 
@@ -26,12 +28,12 @@ _UNKNOWN, _CARRIED = 0.3, 0.8
 
 @dataclass(frozen=True)
 class Support:
-    """Sole points that can bear a load; K are the points of all soles, one sole after the other.
+    """Points that can bear a load; K are those of all soles, one after the other, and then those of the other supports.
 
     Attributes:
         able: which can.  # (T, K) bool
         places: where they stay during their stance [m].  # (T, K, 2)
-        soles: the sole of each point.  # (K,)
+        soles: the sole of each point; from the number of soles on the other supports.  # (K,)
         own: each point in its body's frame [m].  # (K, 3)
     """
 
@@ -55,33 +57,55 @@ def support(context: Context) -> Support:
             place[during, stance.point] = points[during, stance.point, :2].mean(axis=0)
         resting.append(on)
         places.append(place)
-    soles = context.robot.soles
+    on_limbs = limbs_to_mask(context.schedule, context.robot)
+    limbs = limb_points(context.robot, context.placements)[0][..., :2]
+    for k in range(limbs.shape[1]):
+        for start, stop in runs(on_limbs[:, k]):
+            limbs[start:stop, k] = limbs[start:stop, k].mean(axis=0)
+    whose: list[Sole | BodySupport] = [*context.robot.soles, *context.robot.supports]
     return Support(
-        able=bearing(np.concatenate(resting, axis=1) & ~context.turning),
-        places=np.concatenate(places, axis=1),
-        soles=np.repeat(np.arange(len(soles)), [len(sole.points) for sole in soles]),
-        own=np.concatenate([sole.points for sole in soles]),
+        able=bearing(np.hstack([np.concatenate(resting, axis=1) & ~context.turning, on_limbs])),
+        places=np.concatenate([*places, limbs], axis=1),
+        soles=np.repeat(np.arange(len(whose)), [len(one.points) for one in whose]),
+        own=np.concatenate([one.points for one in whose]),
     )
 
 
 def unexplained(context: Context, able: np.ndarray) -> np.ndarray:
     """Frames of which the stances say nothing about what carries the robot.  # (T,) bool
 
-    Hands, knees or hips are on the floor; or no point can bear a load, and the centre of mass does not fall freely
-    either, for longer than a stance that is missing for a moment would explain.
+    A part of the body other than the feet is on the floor and not in stance; or no point can bear a load, and the
+    centre of mass does not fall freely either, for longer than a stance that is missing for a moment would explain.
+
+    Args:
+        context: the centre motion and its schedule.
+        able: which points can bear a load, as of :class:`Support`.  # (T, K) bool
     """
     positions, rotations = context.placements
     robot, settings = context.robot, CarryingSettings()
     feet = {sole.body for sole in robot.soles}
-    out = np.zeros(context.frames, bool)
+    stands = _standing_shapes(robot, able)
+    out, nowhere = np.zeros(context.frames, bool), np.zeros(context.frames, bool)
     for capsule in (c for c in robot.capsules if c.body not in feet):
-        slot = robot.body_names.index(capsule.body)
+        slot, low = robot.body_names.index(capsule.body), np.zeros(context.frames, bool)
         for end in (capsule.start, capsule.end):
-            out |= positions[:, slot, 2] + rotations[:, slot, 2] @ end - capsule.radius < _LOW
+            low |= positions[:, slot, 2] + rotations[:, slot, 2] @ end - capsule.radius < _LOW
+        out |= low & ~stands.get(capsule.name, nowhere)
     loads = load(centre_height(robot, positions, rotations), context.centre.fps, settings.spread)
     for start, stop in runs((loads > settings.loaded) & ~able.any(axis=1)):
         if stop - start > _UNKNOWN * context.centre.fps and loads[start:stop].mean() > _CARRIED:
             out[start:stop] = True
+    return out
+
+
+def _standing_shapes(robot: Robot, able: np.ndarray) -> dict[str, np.ndarray]:
+    """Shape of a support -> the frames in which any point of that support bears a load.  # (T,) bool"""
+    limbs = able[:, able.shape[1] - len(limb_owners(robot)) :]
+    out: dict[str, np.ndarray] = {}
+    last = 0
+    for support in robot.supports:
+        own = slice(last, last := last + len(support.points))
+        out |= dict.fromkeys(support.shapes, np.asarray(limbs[:, own].any(axis=1)))
     return out
 
 
