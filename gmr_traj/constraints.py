@@ -26,7 +26,8 @@ class Block:
     Attributes:
         residual: where they come from.
         kept: which of its rows, counted frame after frame.  # (m,)
-        scale: factor of each row: linear rows are brought to a largest coefficient of one.  # (m,)
+        scale: factor of each row: linear rows are brought to a largest coefficient of one, others to what their
+            residual says.  # (m,)
         slack: the slacks' indices among the unknowns.  # (s,)
         slack_row: the row each slack belongs to, an index into ``kept``.  # (s,)
         slack_sign: 1 where it lifts the row to its lower bound, -1 where it lowers it to its upper one.  # (s,)
@@ -71,8 +72,9 @@ class Constraints:
                 raise ProblemError(f"term {residual.name} can only be a cost, not {item.use}")
             low, high = residual.lower.ravel(order="F"), residual.upper.ravel(order="F")
             keep = (np.isfinite(low) | np.isfinite(high)) & _changeable(residual, free)
-            scale = np.ones(low.size)
-            if isinstance(residual, LinearResidual):
+            if isinstance(residual, FrameResidual):
+                scale = np.full(low.size, residual.scale)
+            else:
                 low, high = low - residual.offset, high - residual.offset
                 scale = 1.0 / np.maximum(abs(residual.matrix).max(axis=1).toarray().ravel(), 1e-300)
                 if item.use == "hard":
@@ -131,7 +133,7 @@ class Constraints:
                 assert residual.jacobian is not None
                 count, m = len(residual.frames), len(residual.rows)
                 z, parameter = gather(x, residual.columns), frozen(residual.parameters)
-                row = ca.vec(ca.densify(mapped(residual.value, count)(z, parameter)))[kept.tolist()]
+                row = ca.vec(ca.densify(mapped(residual.value, count)(z, parameter)))[kept.tolist()] * residual.scale
                 i, j = (np.array(k) for k in residual.jacobian.sparsity_out(0).get_triplet())
                 position = np.full(count * m, -1)
                 position[kept] = here
@@ -140,7 +142,7 @@ class Constraints:
                 total.add(
                     entry[select],
                     residual.columns[:, j].ravel()[select],
-                    nonzeros(mapped(residual.jacobian, count)(z, parameter))[select.tolist()],
+                    nonzeros(mapped(residual.jacobian, count)(z, parameter))[select.tolist()] * residual.scale,
                 )
             if block.slack.size:
                 factor = block.slack_sign * block.scale[block.slack_row]

@@ -16,7 +16,7 @@ from gmr_traj.engines import ENGINES
 from gmr_traj.exceptions import ProblemError
 from gmr_traj.problem_base import problem_values
 from gmr_traj.solver import refused_options
-from gmr_traj.terms import TERMS
+from gmr_traj.terms import CONSTRAINTS, TERMS
 from gmr_traj.terms.term import Term
 from gmr_traj.toml_table import Table
 
@@ -93,6 +93,8 @@ def _term(table: Table) -> UsedTerm:
     table.where += f" ({name})"
     if use not in kind.uses:
         raise table.error(f"has use {use!r}; it can be {', '.join(kind.uses)}")
+    if use != "cost":
+        kind = CONSTRAINTS.get(name, kind)
     given = [field.name for field in fields(kind) if field.default is MISSING or field.name in table.values]
     values = {name: _number(table, name) for name in given}
     table.done()

@@ -86,6 +86,7 @@ class FrameResidual:
         lower, upper: bounds; rows with no finite bound in a frame do not exist there.  # (m, K)
         weights: weight of each row [1 / unit^2].  # (m, K)
         gauss_newton: replaces ``value`` and ``jacobian`` where the residual is used as a cost.
+        scale: factor of the rows where they are constraints: it brings large derivatives to those of other rows.
     """
 
     name: str
@@ -100,6 +101,7 @@ class FrameResidual:
     upper: np.ndarray
     weights: np.ndarray
     gauss_newton: GaussNewton | None = None
+    scale: float = 1.0
 
     @classmethod
     def cost(

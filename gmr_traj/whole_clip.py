@@ -23,13 +23,14 @@ from gmr_traj.problem import Problem
 from gmr_traj.residuals import Used
 from gmr_traj.task import HELD, Task
 from gmr_traj.terms.context import Context, stepped
+from gmr_traj.unkept import unkept
 from gmr_traj.variables import Variables
 from gmr_traj.visited import Visited
 
 Progress = Callable[[str, int, int], None]
 
-# A row that was not built may be off by this much, by unit.
-TOLERANCE = {"m": 4e-4, "rad": 1e-5, "rad/s": 1e-3, "rad/s^2": 1e-1}
+# A row that was not built may be off by this much, by unit; so may one that went with where the feet and legs were.
+TOLERANCE = {"m": 4e-4, "rad": 1e-5, "rad/s": 1e-3, "rad/s^2": 1e-1, "m g": 1e-2, "m g m": 1e-2}
 
 # Time around a violated frame that a repair may change [s].
 SURROUNDINGS = 0.5
@@ -140,6 +141,7 @@ def _summary(solutions: list[Solution], passes: int, reports: tuple[TermReport, 
         message = f"{len(missing)} rows that were not part of the problem are violated, first {name} in frame {frame}"
     if worst.status == "not converged":
         message = f"the solver stopped with {worst.solver_status} after {worst.iterations} iterations"
+        message += unkept(reports, TOLERANCE)
     return SolveReport(
         status=worst.status,
         solver_status=worst.solver_status,

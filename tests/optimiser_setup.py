@@ -10,11 +10,14 @@ from pathlib import Path
 import casadi as ca
 import metrics_toy
 import numpy as np
+import pytest
 import scipy.sparse as sp
 from conftest import CHECKOUT
 
 from gmr_traj.attempts import Attempt
+from gmr_traj.band.program import Program
 from gmr_traj.contacts.schedule import ContactSchedule
+from gmr_traj.formulation import Formulation
 from gmr_traj.kinematics.casadi_kinematics import CasadiKinematics
 from gmr_traj.motion import RobotMotion
 from gmr_traj.problem import Problem, UsedTerm, load_problem
@@ -22,6 +25,7 @@ from gmr_traj.residuals import FrameResidual, LinearResidual, Residual, Used
 from gmr_traj.robot import Robot
 from gmr_traj.terms.context import Context
 from gmr_traj.terms.term import Term
+from gmr_traj.transcription import transcribe
 from gmr_traj.variables import Variables
 from gmr_traj.visited import Visited
 
@@ -151,3 +155,23 @@ def built_parts(robot: Robot, motion: RobotMotion) -> tuple[Variables, list[Used
     variables = Variables(count, 6 + robot.dof)
     problem = load_problem("refine")
     return variables, [Used(r, item.use) for item in problem.terms for r in item.term.residuals(context, variables)]
+
+
+def compare_numbers_with_symbols(formulation: Formulation) -> None:
+    """Value, gradient, rows, Jacobian and condensed matrix of either engine's form of a program, at some point."""
+    nlp, program = transcribe(formulation), Program(formulation)
+    rng = np.random.default_rng(5)
+    x = nlp.initial + 0.02 * rng.normal(size=len(nlp.initial))
+    value, gradient, rows = program.at(x)
+    f = ca.Function("f", [nlp.problem["x"]], [nlp.problem["f"]])
+    assert value == pytest.approx(float(f(x)), rel=1e-12)
+    np.testing.assert_allclose(gradient, np.array(nlp.gradient(x, [])[1]).ravel(), rtol=1e-10, atol=1e-9)
+    g, jacobian = (np.array(ca.densify(matrix)) for matrix in nlp.jacobian(x, []))
+    np.testing.assert_allclose(rows, g.ravel(), rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(program.jacobian.toarray(), jacobian, rtol=1e-12, atol=1e-12)
+    upper = np.array(ca.densify(nlp.hessian(x, [], 1.0, 0.0)))
+    unknowns, weights = rng.uniform(1, 2, program.size), rng.uniform(0, 1e3, program.rows)
+    whole = upper + np.triu(upper, 1).T + jacobian.T @ np.diag(weights) @ jacobian + np.diag(unknowns)
+    wanted = rng.normal(size=program.size)
+    assert program.condense(unknowns, weights, wanted)
+    np.testing.assert_allclose(program.factor.solve(whole @ wanted), wanted, rtol=1e-6, atol=1e-6)

@@ -12,7 +12,16 @@ import scipy.sparse as sp
 from hypothesis import given
 from hypothesis import strategies as st
 from metrics_toy import clip, standing
-from optimiser_setup import EXAMPLE, TIGHT, built_parts, curved, every_operation, linear, toy
+from optimiser_setup import (
+    EXAMPLE,
+    TIGHT,
+    built_parts,
+    compare_numbers_with_symbols,
+    curved,
+    every_operation,
+    linear,
+    toy,
+)
 
 from gmr_traj import frames
 from gmr_traj.attempts import Attempt
@@ -26,7 +35,6 @@ from gmr_traj.formats import read_clip
 from gmr_traj.formulation import Formulation, formulate
 from gmr_traj.frames import Frames
 from gmr_traj.residuals import Used
-from gmr_traj.transcription import transcribe
 from gmr_traj.variables import Variables
 from gmr_traj.vector_machine import instructions
 
@@ -116,22 +124,7 @@ def formulation(request: pytest.FixtureRequest) -> Formulation:
 
 def test_numbers_are_those_of_the_symbols(formulation: Formulation) -> None:
     """Value, gradient, rows, Jacobian; and the condensed matrix, by what its factor solves."""
-    nlp, program = transcribe(formulation), Program(formulation)
-    rng = np.random.default_rng(5)
-    x = nlp.initial + 0.02 * rng.normal(size=len(nlp.initial))
-    value, gradient, rows = program.at(x)
-    f = ca.Function("f", [nlp.problem["x"]], [nlp.problem["f"]])
-    assert value == pytest.approx(float(f(x)), rel=1e-12)
-    np.testing.assert_allclose(gradient, np.array(nlp.gradient(x, [])[1]).ravel(), rtol=1e-10, atol=1e-9)
-    g, jacobian = (np.array(ca.densify(matrix)) for matrix in nlp.jacobian(x, []))
-    np.testing.assert_allclose(rows, g.ravel(), rtol=1e-12, atol=1e-12)
-    np.testing.assert_allclose(program.jacobian.toarray(), jacobian, rtol=1e-12, atol=1e-12)
-    upper = np.array(ca.densify(nlp.hessian(x, [], 1.0, 0.0)))
-    unknowns, weights = rng.uniform(1, 2, program.size), rng.uniform(0, 1e3, program.rows)
-    whole = upper + np.triu(upper, 1).T + jacobian.T @ np.diag(weights) @ jacobian + np.diag(unknowns)
-    wanted = rng.normal(size=program.size)
-    assert program.condense(unknowns, weights, wanted)
-    np.testing.assert_allclose(program.factor.solve(whole @ wanted), wanted, rtol=1e-6, atol=1e-6)
+    compare_numbers_with_symbols(formulation)
 
 
 def test_both_engines_find_the_same_optimum(formulation: Formulation) -> None:

@@ -16,7 +16,7 @@ from gmr_traj.cli.exit_codes import ExitCode
 from gmr_traj.cli.main import main
 from gmr_traj.exceptions import ProblemError, ResourceError
 from gmr_traj.problem import load_problem
-from gmr_traj.terms import TERMS
+from gmr_traj.terms import CONSTRAINTS, TERMS
 
 TEXT = """
 name = "mine"
@@ -61,7 +61,8 @@ def test_every_problem_that_ships_loads(name: str) -> None:
     problem = load_problem(name)
     assert problem.terms and problem.first and problem.again
     for item in problem.terms:
-        assert type(item.term) is TERMS[item.name] and item.use in item.term.uses
+        kind = TERMS[item.name] if item.use == "cost" else CONSTRAINTS.get(item.name, TERMS[item.name])
+        assert type(item.term) is kind and item.use in item.term.uses
 
 
 def test_a_problem_of_ones_own(tmp_path: Path) -> None:

@@ -28,7 +28,7 @@ def settled(monkeypatch: pytest.MonkeyPatch, g1: Any, first: str, second: str) -
     def solve(problem: Any) -> Any:
         solved.append(problem.name)
         status = "not converged" if outcomes[problem.name] == "lost" else "converged"
-        report = SimpleNamespace(status=status, solver_status="Maximum_Iterations_Exceeded")
+        report = SimpleNamespace(status=status, message="the solver stopped with Maximum_Iterations_Exceeded")
         own = motion.with_qpos(motion.qpos + np.eye(1, motion.qpos.shape[1]) * len(solved))
         return SimpleNamespace(name=problem.name, motion=own, schedule=SimpleNamespace(height=0.0), report=report)
 

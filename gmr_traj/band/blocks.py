@@ -90,7 +90,7 @@ class Rows:
         # Rows are kept frame after frame, arrays of the frames row after row.
         frame, row = np.divmod(block.kept, m)
         self._kept = row * count + frame
-        self._function = residual.value
+        self._function, self._scale = residual.value, residual.scale
         self._value = Frames(residual.value, residual.columns, residual.parameters, _EVALUATIONS)
         self._jacobian = Frames(residual.jacobian, residual.columns, residual.parameters, _EVALUATIONS)
         self._i, j = (np.array(k, np.int64) for k in residual.jacobian.sparsity_out(0).get_triplet())
@@ -116,7 +116,7 @@ class Rows:
         self._value.at(x)
         self._jacobian.at(x)
         values = filled(self._function, self._value.outputs[0])
-        return values.ravel()[self._kept], self._jacobian.outputs[0].ravel()[self._entries]
+        return self._scale * values.ravel()[self._kept], self._scale * self._jacobian.outputs[0].ravel()[self._entries]
 
     def products(self, sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Entries of ``J' diag(sigma) J`` at the point of the last evaluation.
@@ -126,7 +126,8 @@ class Rows:
         """
         dense, weighted = self._dense, self._weighted
         dense[:, self._i, self._j] = self._jacobian.outputs[0].T
-        self._sigma.reshape(-1)[self._kept] = sigma
+        # Rows, slacks included, are scaled, and these derivatives are not.
+        self._sigma.reshape(-1)[self._kept] = self._scale**2 * sigma
         np.multiply(dense, self._sigma.T[:, :, None], out=weighted)
         np.matmul(weighted.transpose(0, 2, 1), dense, out=self._product)
         inner = self._product[:, self._lower[0], self._lower[1]].ravel()

@@ -35,6 +35,10 @@ from gmr_traj.band.settings import Settings
 # Weight that keeps a held unknown where it is.
 _HELD = 1e20
 
+# Distances from bounds are taken for at least this, tried in turn: a row whose slack has gone to nothing while its
+# multiplier is large weighs so much that the rest of the matrix is rounded away.
+_LEAST = (0.0, 1e-11, 1e-9)
+
 # Once the rows are kept, a step that raises the objective by more than this factor is halved, at most so many times:
 # rows of the costs that were kept where the model was made, so that it knows nothing of them, may be in the way.
 _RISE, _HALVINGS = 1.1, 4
@@ -159,11 +163,15 @@ class _State:
     def advance(self) -> bool:
         """One step; False where the matrix was not positive definite."""
         n, bounds = self._program.size, self._bounds
-        weight = bounds.spread(self._zl / self._below, self._zu / self._above)
-        diagonal = weight[:n].copy()
-        diagonal[self._held] += _HELD
         lower, upper = -self._zl, -self._zu
-        if not self._linear(self._program.condense, diagonal, weight[n:], self._right(weight, lower, upper)):
+        for least in _LEAST:
+            self._below, self._above = np.maximum(self._below, least), np.maximum(self._above, least)
+            weight = bounds.spread(self._zl / self._below, self._zu / self._above)
+            diagonal = weight[:n].copy()
+            diagonal[self._held] += _HELD
+            if self._linear(self._program.condense, diagonal, weight[n:], self._right(weight, lower, upper)):
+                break
+        else:
             return False
         dw, dzl, dzu = self._step(lower, upper, self._linear(self._program.factor.finish))
         primal = min(1.0, bounds.longest(self._below, self._above, dw))

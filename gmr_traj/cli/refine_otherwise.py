@@ -62,7 +62,7 @@ def settle(clip: Clip, robot: Robot, problem: Problem, solved: Callable[[Problem
     if not _converged(second) or (_converged(first) and len(other.broken) >= len(certificate.broken)):
         return Settled(first, problem.name, "", certificate)
     broken = ", ".join(promise.name for promise in certificate.broken)
-    why = f"breaks a promise ({broken})" if _converged(first) else f"does not converge ({first.report.solver_status})"
+    why = f"breaks a promise ({broken})" if _converged(first) else f"does not converge ({first.report.message})"
     return Settled(second, instead.name, f"the problem {problem.name} {why}; solved {instead.name} instead", other)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from gmr_traj.terms.contact_rows import ContactRows
 from gmr_traj.terms.contact_wrench import ContactWrench
 from gmr_traj.terms.ground import Ground
 from gmr_traj.terms.limits import JointAcceleration, JointPosition, JointVelocity
@@ -27,3 +28,6 @@ TERMS: dict[str, type[Term]] = {
     "joint_velocity": JointVelocity,
     "joint_acceleration": JointAcceleration,
 }
+
+#: Those that are of another class where they are used as a constraint, hard or soft.
+CONSTRAINTS: dict[str, type[Term]] = {"contact_wrench": ContactRows}

@@ -24,6 +24,7 @@ The hull goes with the feet; the legs' axes are those of the centre motion.  A r
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import ClassVar
@@ -36,15 +37,17 @@ from gmr_traj.contacts.support import edges, thinned
 from gmr_traj.kinematics.casadi_kinematics import CasadiKinematics
 from gmr_traj.residuals import FrameResidual, GaussNewton, Residual
 from gmr_traj.robot import Robot
+from gmr_traj.terms import vertical_moment
 from gmr_traj.terms.centroidal import FOOT, wrench
 from gmr_traj.terms.context import Context
 from gmr_traj.terms.stance_support import LEG, hinges, leg, support, unexplained, weight_torques
 from gmr_traj.terms.term import Term
 from gmr_traj.variables import Variables
 
-# A missing bound is far away: an infinity would turn into NaN where it is multiplied by zero.
-_FAR = 1e9
-_CONE = 5
+#: A missing bound is far away: an infinity would turn into NaN where it is multiplied by zero.
+FAR = 1e9
+#: Rows of the force: pressing, and the four sides of the pyramid of friction.
+CONE = 5
 # Half the width of what a line of points can bear [m].
 _WIDTH = 0.01
 # A step moves the wrench where it moves the mean of the masses, or of their moments, by more than this [m, m^2].
@@ -57,7 +60,8 @@ class ContactWrench(Term):
 
     Fields: ``force`` [m g], ``moment`` [m g m] and ``torque`` [m g m], scales; ``robust``, in scales, see above;
     ``friction`` [-]; ``margin``, how far inside the hull the zero-moment point is to be [m]; ``effort``, share of the
-    joints' effort limits.
+    joints' effort limits; ``vertical``, scale of the moment about the vertical where one foot bears it all [m g m],
+    which is not bounded where none is given (see :mod:`~gmr_traj.terms.vertical_moment`).
     """
 
     force: float
@@ -67,8 +71,8 @@ class ContactWrench(Term):
     friction: float
     margin: float
     effort: float
+    vertical: float = math.inf
 
-    uses: ClassVar[tuple[str, ...]] = ("cost",)
     dynamic: ClassVar[bool] = True
 
     def residuals(self, context: Context, variables: Variables) -> list[Residual]:
@@ -79,7 +83,8 @@ class ContactWrench(Term):
         qpos = context.centre.qpos
         origins = qpos[:, :3] * [1.0, 1.0, 0.0]
         maps, lower, upper, feet = self._rows(context, origins)
-        scale = np.repeat([self.force, self.moment, self.torque], [_CONE, _most_edges(context.robot), LEG])
+        counts = [CONE, most_edges(context.robot), LEG, maps.shape[1] - CONE - most_edges(context.robot) - LEG]
+        scale = np.repeat([self.force, self.moment, self.torque, self.vertical], counts)
         # In flight the first six rows are the wrench itself.
         flight = (lower[:, 0] == 0.0) & (upper[:, 0] == 0.0)
         scales = np.tile(scale, (context.frames, 1))
@@ -98,9 +103,13 @@ class ContactWrench(Term):
             ]
         ).T
         steps = variables.steps
-        functions = _functions(context.kinematics, self.robust)
+        functions = _functions(context.kinematics, self.robust, maps.shape[1])
         columns = np.hstack([steps[frames - 1], steps[frames], steps[frames + 1]])
         return [FrameResidual.cost("contact_wrench", "all rows", frames, columns, parameters, functions)]
+
+    def _unexplained(self, context: Context, able: np.ndarray) -> np.ndarray:
+        """Frames without rows.  # (T,) bool"""
+        return unexplained(context, able)
 
     def _rows(self, context: Context, origins: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Rows as ``lower <= A (F, M) <= upper``, M about the origins moved with the feet, and those feet.
@@ -121,13 +130,13 @@ class ContactWrench(Term):
         bodies = [robot.body_names.index(sole.body) for sole in robot.soles]
         most = self.effort * robot.effort_limit / (float(robot.model.body_mass.sum()) * GRAVITY)
         signs = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]])
-        of_legs = _CONE + _most_edges(robot)
-        rows = of_legs + LEG
+        of_legs = CONE + most_edges(robot)
+        rows = of_legs + LEG + (vertical_moment.COUNT if math.isfinite(self.vertical) else 0)
         maps = np.zeros((frames, rows, 6))
-        lower, upper = np.full((frames, rows), -_FAR), np.full((frames, rows), _FAR)
+        lower, upper = np.full((frames, rows), -FAR), np.full((frames, rows), FAR)
         feet = np.zeros((frames, len(robot.soles), FOOT))
         known: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
-        for t in np.flatnonzero(~unexplained(context, given.able)).tolist():
+        for t in np.flatnonzero(~self._unexplained(context, given.able)).tolist():
             able = given.able[t]
             if not able.any():
                 maps[t, :6] = np.eye(6)
@@ -136,13 +145,13 @@ class ContactWrench(Term):
             points = given.places[t, able]
             key = points.tobytes()
             if key not in known:
-                known[key] = edges(thinned(points, _most_edges(robot)), _WIDTH)
+                known[key] = edges(thinned(points, most_edges(robot)), _WIDTH)
             normals, offsets = known[key]
-            last = _CONE + len(normals)
-            maps[t, :_CONE, 2] = [1.0, *[self.friction] * 4]
-            maps[t, 1:_CONE, :2] = signs
-            maps[t, _CONE:last, 3:5] = normals[:, ::-1] * [1.0, -1.0]
-            maps[t, _CONE:last, 2] = normals @ origins[t, :2] - offsets - self.margin
+            last = CONE + len(normals)
+            maps[t, :CONE, 2] = [1.0, *[self.friction] * 4]
+            maps[t, 1:CONE, :2] = signs
+            maps[t, CONE:last, 3:5] = normals[:, ::-1] * [1.0, -1.0]
+            maps[t, CONE:last, 2] = normals @ origins[t, :2] - offsets - self.margin
             lower[t, :last] = 0.0
             standing = np.unique(given.soles[able])
             for s in standing[standing < len(robot.soles)]:
@@ -152,6 +161,9 @@ class ContactWrench(Term):
                 feet[t, s, 4:] = given.places[t, its].mean(axis=0)
             if len(standing) > 1 or standing[0] >= len(robot.soles):
                 continue
+            if math.isfinite(self.vertical):
+                maps[t, of_legs + LEG :] = vertical_moment.rows(points, _WIDTH, self.friction, origins[t])
+                lower[t, of_legs + LEG :] = 0.0
             s = int(standing[0])
             now = positions[t, bodies[s]] + rotations[t, bodies[s]] @ feet[t, s, 1:4]
             moved = np.append(feet[t, s, 4:] - now[:2], 0.0)
@@ -163,17 +175,16 @@ class ContactWrench(Term):
         return maps, lower, upper, feet
 
 
-def _most_edges(robot: Robot) -> int:
+def most_edges(robot: Robot) -> int:
     """How many edges a hull of all sole points can have, and no other has more; that of a point or a line has four."""
     return max(4, sum(len(sole.points) for sole in robot.soles))
 
 
 @lru_cache(maxsize=8)
-def _functions(kinematics: CasadiKinematics, robust: float) -> GaussNewton:
-    """Value, gradient and Hessian of one frame's cost."""
+def _functions(kinematics: CasadiKinematics, robust: float, rows: int) -> GaussNewton:
+    """Value, gradient and Hessian of one frame's cost, of so many rows."""
     size = kinematics.tangent_size
     needed, jacobian = wrench(kinematics)
-    rows = _CONE + _most_edges(kinematics.robot) + LEG
     sizes = {"q": 3 * (7 + kinematics.robot.dof), "o": 3, "k": 1, "feet": FOOT * len(kinematics.robot.soles)}
     z, given = ca.SX.sym("z", 3 * size), [ca.SX.sym(name, count) for name, count in sizes.items()]
     flat = ca.SX.sym("A", 6 * rows)
