@@ -38,7 +38,7 @@ from gmr_traj.residuals import Used
 from gmr_traj.variables import Variables
 from gmr_traj.vector_machine import instructions
 
-BAND = Attempt("band", {"max_iter": 60, "tol": 1e-4, "compl_inf_tol": 1e-9, "acceptable_iter": 1000}, "band")
+BAND = Attempt("band", {"max_iter": 100, "tol": 1e-4, "compl_inf_tol": 1e-9, "acceptable_iter": 1000}, "band")
 
 
 @given(
