@@ -1,5 +1,6 @@
 """The command's frame: help, exit codes, errors as one line."""
 
+import os
 import subprocess
 import sys
 import time
@@ -140,3 +141,13 @@ def test_a_reader_that_leaves_is_no_error():
 
 def test_the_options_name_every_format():
     assert set(get_args(arguments.Format)) == set(FORMATS) == set(SUFFIXES)
+
+
+def test_a_reader_of_the_help_that_leaves_is_no_error() -> None:
+    """As with ``gmr-traj verify --help | head -0``."""
+    read, write = os.pipe()
+    os.close(read)
+    with os.fdopen(write, "wb") as closed:
+        command = [sys.executable, "-m", "gmr_traj", "verify", "--help"]
+        done = subprocess.run(command, stdout=closed, stderr=subprocess.PIPE, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")

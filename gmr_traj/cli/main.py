@@ -66,13 +66,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     if given == ["--version"]:
         print(f"gmr-traj {__version__}")
         return ExitCode.OK
-    command: arguments.Subcommand = tyro.cli(
-        Command,
-        prog="gmr-traj",
-        description=DESCRIPTION,
-        args=given or ["--help"],
-        config=(tyro.conf.FlagCreatePairsOff,),
-    )
+    try:
+        command: arguments.Subcommand = tyro.cli(
+            Command,
+            prog="gmr-traj",
+            description=DESCRIPTION,
+            args=given or ["--help"],
+            config=(tyro.conf.FlagCreatePairsOff,),
+        )
+    except BrokenPipeError:
+        return _nobody_reads()
     # One thread each: idle BLAS threads spin beside Ipopt, and a sum's order must not depend on the machine's load.
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(variable, "1")
@@ -85,9 +88,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return _end("interrupted; nothing was written", ExitCode.INTERRUPTED, command)
     except BrokenPipeError:
-        # The reader of our output left (`| head`): not an error, but nothing more can be printed, at exit either.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return ExitCode.OK
+        return _nobody_reads()
     except GmrTrajError as error:
         return _end(f"error: {error}", ExitCode.BAD_INPUT, command)
     except OSError as error:
@@ -96,6 +97,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     except Exception as error:
         line = f"internal error: {type(error).__name__}: {error} (this is a fault in gmr-traj; --traceback shows where)"
         return _end(line, ExitCode.INTERNAL_ERROR, command)
+
+
+def _nobody_reads() -> int:
+    """The reader of our output left (`| head`): not an error, but nothing more can be printed, at exit either."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return ExitCode.OK
 
 
 def _end(line: str, code: ExitCode, command: arguments.Subcommand) -> int:
