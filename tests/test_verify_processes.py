@@ -44,7 +44,14 @@ def test_the_command_leaves_no_process_either(tmp_path, g1, how):
     motion = squatting(g1, seconds=20.0)
     np.savez(clip, qpos=motion.qpos, fps=motion.fps, joint_names=motion.joint_names, robot=motion.robot)
     command = [sys.executable, "-m", "gmr_traj", "verify", str(clip), "--start-frame", "0,1", "--workers", "2"]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    # Where the tests run in the background of a script, SIGINT is ignored, and a child would inherit that.
+    process = subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
     try:
         children = _children(process.pid, 2)
         process.send_signal(how)
