@@ -5,7 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from typing import TypeVar
@@ -17,9 +17,7 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 
-def in_processes(
-    do: Callable[[T], R], items: Sequence[T], workers: int
-) -> Generator[tuple[int, Future[R]], None, None]:
+def in_processes(do: Callable[[T], R], items: Sequence[T], workers: int) -> Iterator[tuple[int, Future[R]]]:
     """Do something with every item; the index of each item, and what came of it, as they are done.
 
     Where the caller stops early, by an exception or Ctrl-C, what is on the way is ended.

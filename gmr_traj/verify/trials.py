@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import closing
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from pathlib import Path
@@ -126,12 +125,10 @@ def run_jobs(jobs: Sequence[Job], workers: int, report: Report | None = None) ->
     if workers == 1 or len(jobs) == 1:
         return [run_job(job, report, f" {k + 1} of {len(jobs)}" if len(jobs) > 1 else "") for k, job in enumerate(jobs)]
     done: dict[int, Rollout] = {}
-    # Closed at once where something ends the loop: what is on the way would hold up the process until it is done.
-    with closing(in_processes(run_job, jobs, workers)) as finished:
-        for index, future in finished:
-            done[index] = future.result()
-            if report is not None:
-                report("rollouts", len(done), len(jobs))
+    for index, future in in_processes(run_job, jobs, workers):
+        done[index] = future.result()
+        if report is not None:
+            report("rollouts", len(done), len(jobs))
     return [done[index] for index in range(len(jobs))]
 
 
