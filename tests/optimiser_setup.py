@@ -33,7 +33,11 @@ from gmr_traj.visited import Visited
 EXAMPLE = CHECKOUT / "examples" / "punch.npz"
 
 #: Ipopt to tight tolerances, so that closed forms and other solutions can be compared with.
-TIGHT = Attempt("tight", {"tol": 1e-7, "constr_viol_tol": 1e-8, "max_iter": 200, "mu_strategy": "adaptive"})
+# Gauss-Newton steps get slow next to the optimum: no stopping where progress is small.
+TIGHT = Attempt(
+    "tight",
+    {"tol": 1e-7, "constr_viol_tol": 1e-8, "max_iter": 1000, "mu_strategy": "adaptive", "acceptable_iter": 0},
+)
 
 
 _KINEMATICS: dict[int, CasadiKinematics] = {}
