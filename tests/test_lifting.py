@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from metrics_toy import FPS, clip, standing
-from optimiser_setup import context_of, toy
+from optimiser_setup import toy
 
 from gmr_traj.contacts.mask import owners
 from gmr_traj.contacts.release import turning
-from gmr_traj.contacts.schedule import ContactSchedule, Stance
 from gmr_traj.terms.lifting import FREE, alone, ceilings
 
 HEEL, TOE = (2, 3), (0, 1)  # of the left foot, which comes first
@@ -77,13 +75,10 @@ def test_a_part_alone_is_a_whole_part_and_no_other() -> None:
 
 def stepping(share: float, rise: float = 0.006) -> np.ndarray:
     """Ceilings of a foot that stands for 5-30, its heel down till 25 in a clip that lifts it from 21 on."""
-    robot, motion = toy(), clip(standing(40))
-    stances = [Stance("left", k, "heel", 5, 25) for k in HEEL] + [Stance("left", k, "toe", 5, 30) for k in TOE]
-    context = context_of(robot, motion, schedule=ContactSchedule(40, FPS, tuple(sorted(stances))))
-    lifted = np.zeros((40, len(owners(robot))), bool)
+    resting = a_step(5, 25, 5, 30)
+    lifted = np.zeros_like(resting)
     lifted[21:25, HEEL] = True
-    context.__dict__["turning"] = lifted  # what a clip that lifts its heel would give
-    return ceilings(context, rise, share)
+    return ceilings(resting, lifted, alone(toy(), resting & ~lifted), rise, share)
 
 
 def test_ceilings_are_low_but_next_to_the_swing() -> None:

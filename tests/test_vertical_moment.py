@@ -16,7 +16,7 @@ from gmr_traj.contacts.support import edges
 from gmr_traj.residuals import FrameResidual
 from gmr_traj.robot import Robot
 from gmr_traj.terms.contact_rows import ContactRows
-from gmr_traj.terms.vertical_moment import COUNT, rectangle, rows
+from gmr_traj.terms.vertical_moment import COUNT, moved, rectangle, rows_about_centre
 
 WIDTH, MU = 0.01, 0.7
 FOOT = np.array([[0.12, 0.03], [0.12, -0.03], [-0.05, 0.025], [-0.05, -0.025]])
@@ -55,7 +55,7 @@ def test_what_they_allow_forces_can_give(seed: int, count: int) -> None:
     angles = 2 * np.pi * np.arange(SIDES) / SIDES
     circle = np.stack([np.cos(angles), np.sin(angles)], axis=1) / np.cos(np.pi / SIDES)
     columns = generators(points, MU, circle)
-    if (rows(points, WIDTH, MU, origin) @ about).min() >= 0.0:
+    if (moved(*rows_about_centre(points, WIDTH, MU), origin) @ about).min() >= 0.0:
         assert possible(wrench, columns)
 
 
@@ -63,7 +63,7 @@ def test_on_a_rectangle_with_its_pyramids_they_are_all_there_is() -> None:
     rng = np.random.default_rng(0)
     points = np.array([[0.1, 0.03], [0.1, -0.03], [-0.1, -0.03], [-0.1, 0.03]])
     corners = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]]) / np.sqrt(2)
-    columns, A = generators(points, MU, corners), rows(points, WIDTH, MU, np.zeros(3))
+    columns, A = generators(points, MU, corners), moved(*rows_about_centre(points, WIDTH, MU), np.zeros(3))
     seen = set()
     for _ in range(150):
         force = np.array([*(0.6 * MU / np.sqrt(2) * rng.uniform(-1, 1, 2)), 1.0])

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from gmr_traj.constants import GRAVITY
-from gmr_traj.contacts.detect import sole_points
+from gmr_traj.contacts.detect import placed_sole_points
 from gmr_traj.contacts.headings import headings
 from gmr_traj.contacts.held_longer import Standing
 from gmr_traj.contacts.mask import from_mask, limbs_to_mask, owners, to_mask
@@ -74,7 +74,8 @@ def carrying(
         settings: how far to go.
     """
     detection, settings = detection or DetectionSettings(), settings or CarryingSettings()
-    points = sole_points(motion, robot)
+    placed = placements(robot, motion.qpos)
+    points = placed_sole_points(robot, placed)
     resting = to_mask(schedule, robot)
     parts: dict[tuple[str, str], list[int]] = {}
     for k, (sole, _, part) in enumerate(owners(robot)):
@@ -82,7 +83,7 @@ def carrying(
     above = points[..., 2] + schedule.height
     facing = np.repeat(headings(points, robot), [len(sole.points) for sole in robot.soles], axis=1)
     standing = Standing(resting, points, above, facing, list(parts.values()), settings.farthest)
-    height = centre_height(robot, *placements(robot, motion.qpos))
+    height = centre_height(robot, *placed)
     loaded = load(height, motion.fps, settings.spread) > settings.loaded
     loaded &= ~bearing(limbs_to_mask(schedule, robot)).any(axis=1)  # hands or knees bear it
     _hold(standing, loaded)

@@ -34,7 +34,7 @@ def detect(
     """
     settings = settings or DetectionSettings()
     placed = placements(robot, motion.qpos)
-    points, (centres, radii) = _sole_points(robot, placed), limb_points(robot, placed)
+    points, (centres, radii) = placed_sole_points(robot, placed), limb_points(robot, placed)
     limbs = centres[..., 2] - radii
     lowest = lowest_of_feet(robot, placed, points[:, :, 2].min(axis=1), limbs)
     level = float(np.quantile(lowest, settings.level_quantile))
@@ -53,10 +53,11 @@ def detect(
 
 def sole_points(motion: RobotMotion, robot: Robot) -> np.ndarray:
     """World positions of all contact points [m], one sole after the other.  # (T, K, 3)"""
-    return _sole_points(robot, placements(robot, motion.qpos))
+    return placed_sole_points(robot, placements(robot, motion.qpos))
 
 
-def _sole_points(robot: Robot, placed: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+def placed_sole_points(robot: Robot, placed: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    """The same from placements of the bodies.  # (T, K, 3)"""
     slots = [robot.body_names.index(sole.body) for sole in robot.soles]
     return np.concatenate(
         [body_points(placed, slot, sole.points) for slot, sole in zip(slots, robot.soles, strict=True)], axis=1

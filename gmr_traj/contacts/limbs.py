@@ -9,16 +9,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from gmr_traj.contacts.rest import DetectionSettings, rest_runs
-from gmr_traj.kinematics.mujoco_kinematics import body_points
+from gmr_traj.contacts.rest import RISEN, DetectionSettings, rest_runs
+from gmr_traj.kinematics.mujoco_kinematics import body_points, lowest_points
 from gmr_traj.robot import Robot
 
 #: Slower and longer than for feet: a hand that swings low past the floor does not rest there.
 LIMBS = DetectionSettings(enter_speed=0.2, leave_speed=0.4, shortest=0.2)
 # A limb that is not flat rests on its lowest ball: what another is higher than that counts so many times.
 _TILTED = 4.0
-# A ball that has left its usual height in a stance by more is on its way up, or still on its way down [m].
-_RISEN = 0.01
 # A stance is of one place: a ball that is farther from its mean place at any time is dragged or rolls [m].
 _FARTHEST = 0.05
 # A foot no higher than this above a lower limb stands on the tip or the side of its shapes [m]; else it is in the air.
@@ -63,7 +61,7 @@ def resting_limbs(
     out = np.zeros(height.shape, bool)
     for k, found in enumerate(rest_runs(centres, counted, fps, settings)):
         for start, stop in found:
-            low = np.flatnonzero(height[start:stop, k] <= np.median(height[start:stop, k]) + _RISEN)
+            low = np.flatnonzero(height[start:stop, k] <= np.median(height[start:stop, k]) + RISEN)
             start, stop = start + int(low[0]), start + int(low[-1]) + 1
             place = centres[start:stop, k, :2]
             away = np.linalg.norm(place - place.mean(axis=0), axis=1)
@@ -91,10 +89,7 @@ def lowest_of_feet(
     below = limb < soles
     if not below.any():
         return soles
-    feet, (positions, rotations) = soles.copy(), placed
-    bodies = {sole.body for sole in robot.soles}
+    feet, bodies = soles.copy(), {sole.body for sole in robot.soles}
     for capsule in (c for c in robot.capsules if c.body in bodies):
-        slot = robot.body_names.index(capsule.body)
-        for end in (capsule.start, capsule.end):
-            np.minimum(feet, positions[:, slot, 2] + rotations[:, slot, 2] @ end - capsule.radius, out=feet)
+        np.minimum(feet, lowest_points(placed, robot.body_names.index(capsule.body), capsule), out=feet)
     return np.where(below, np.where(feet < limb + _FOOT, feet, limb), soles)

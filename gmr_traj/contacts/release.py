@@ -10,11 +10,10 @@ from __future__ import annotations
 import numpy as np
 
 from gmr_traj.contacts.mask import owners
+from gmr_traj.contacts.rest import RISEN
 from gmr_traj.robot import Robot
 from gmr_traj.runs import runs
 
-# How far a point is above its usual height in a stance when it is rising, or coming down [m].
-_RISEN = 0.01
 _SHORTEST = 3  # frames: what is left of a stance still bears a load in one
 
 
@@ -40,7 +39,7 @@ def turning(resting: np.ndarray, height: np.ndarray, robot: Robot) -> np.ndarray
             continue
         held = np.asarray(resting[:, others].all(axis=1))
         for start, stop in runs(resting[:, k]):
-            high = np.asarray(height[:, k] > np.median(height[start:stop, k]) + _RISEN)
+            high = np.asarray(height[:, k] > np.median(height[start:stop, k]) + RISEN)
             up = stop
             while up > start and high[up - 1] and held[up - 1 : up + 1].all():
                 up -= 1

@@ -6,6 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+#: How far a point is above its usual (median) height in a stance when it is on its way up, or still down [m].
+RISEN = 0.01
+
 
 @dataclass(frozen=True)
 class DetectionSettings:

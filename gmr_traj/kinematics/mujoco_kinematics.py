@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 
 from gmr_traj.exceptions import RobotError
-from gmr_traj.robot import Robot
+from gmr_traj.robot import Capsule, Robot
 
 
 def placements(robot: Robot, qpos: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -52,6 +52,19 @@ def body_points(placed: tuple[np.ndarray, np.ndarray], slot: int, points: np.nda
     """
     positions, rotations = placed
     return np.asarray(positions[:, slot, None] + np.einsum("tij,kj->tki", rotations[:, slot], points))
+
+
+def lowest_points(placed: tuple[np.ndarray, np.ndarray], slot: int, capsule: Capsule) -> np.ndarray:
+    """Height of the lowest point of a collision shape in every frame [m].  # (T,)
+
+    Args:
+        placed: what :func:`placements` gives.
+        slot: index of its body in ``robot.body_names``.
+        capsule: the shape.
+    """
+    positions, rotations = placed
+    ends = [positions[:, slot, 2] + rotations[:, slot, 2] @ end for end in (capsule.start, capsule.end)]
+    return np.asarray(np.minimum(*ends) - capsule.radius)
 
 
 def centres_of_mass(robot: Robot, qpos: np.ndarray) -> np.ndarray:

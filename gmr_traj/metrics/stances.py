@@ -44,13 +44,10 @@ def stance_tracks(observation: Observation, schedule: ContactSchedule) -> tuple[
             f"the contact schedule is for {schedule.frames} frames, the clip has {motion.frames}: detect them again"
         )
     soles = {sole.name: points for sole, points in zip(robot.soles, observation.soles, strict=True)}
-    tips = {}
-    for sole, *both in zip(robot.soles, observation.soles, observation.outlines, strict=True):
-        shapes = observation.lowest[:, [capsule.body == sole.body for capsule in robot.capsules]]
-        tips[sole.name] = np.concatenate([*(points[..., 2] for points in both), shapes], axis=1).min(axis=1)
     on_limbs = np.zeros(motion.frames, bool)
     for stance in (s for s in schedule.stances if s.part == LIMB):
         on_limbs[stance.start : stance.stop] = True
+    tips = _lowest_of_feet(observation) if on_limbs.any() else {}
     tracks = []
     for stance in (s for s in schedule.stances if s.part != LIMB):
         points = soles.get(stance.sole)
@@ -73,10 +70,19 @@ def stance_tracks(observation: Observation, schedule: ContactSchedule) -> tuple[
                 stance=stance,
                 drift=np.linalg.norm(flat - flat[0], axis=1),
                 speed=np.linalg.norm(np.diff(flat, axis=0), axis=1) * motion.fps,
-                height=np.where(on_limbs[span], tips[stance.sole][span], p[:, 2]),
+                height=np.where(on_limbs[span], tips[stance.sole][span], p[:, 2]) if tips else p[:, 2],
             )
         )
     return tuple(tracks)
+
+
+def _lowest_of_feet(observation: Observation) -> dict[str, np.ndarray]:
+    """Sole -> height of the lowest point that is known of its foot, shapes included [m].  # (T,)"""
+    robot, out = observation.robot, {}
+    for sole, *both in zip(robot.soles, observation.soles, observation.outlines, strict=True):
+        shapes = observation.lowest[:, [capsule.body == sole.body for capsule in robot.capsules]]
+        out[sole.name] = np.concatenate([*(points[..., 2] for points in both), shapes], axis=1).min(axis=1)
+    return out
 
 
 def cut_to(schedule: ContactSchedule, frames: int) -> ContactSchedule:

@@ -22,6 +22,7 @@ import casadi as ca
 import mujoco
 import numpy as np
 
+from gmr_traj.constants import GRAVITY
 from gmr_traj.kinematics.casadi_kinematics import CasadiKinematics, Placements, constant_rotation
 from gmr_traj.terms.composite import left_jacobian
 
@@ -49,6 +50,40 @@ class _Carried:
         return _Carried(self.first + other.first, self.second + other.second, self.product + other.product)
 
 
+def symbols(kinematics: CasadiKinematics) -> list[Any]:
+    """The arguments of :func:`wrench`: z, q, o, k, feet."""
+    robot = kinematics.robot
+    sizes = {
+        "z": 3 * kinematics.tangent_size,
+        "q": 3 * (7 + robot.dof),
+        "o": 3,
+        "k": 1,
+        "feet": FOOT * len(robot.soles),
+    }
+    return [ca.SX.sym(name, size) for name, size in sizes.items()]
+
+
+def around(values: np.ndarray, frames: np.ndarray) -> np.ndarray:
+    """Values of the frame before, of the frame and of the one after, of some frames.  # (T, n) -> (F, 3 n)"""
+    return np.hstack([values[frames - 1], values[frames], values[frames + 1]])
+
+
+def arguments(
+    qpos: np.ndarray, dt: float, frames: np.ndarray, origins: np.ndarray, feet: np.ndarray
+) -> list[np.ndarray]:
+    """q, o, k and feet of :func:`wrench`, of some frames F.
+
+    Args:
+        qpos: configurations.  # (T, 7 + n)
+        dt: time between frames [s].
+        frames: neither the first nor the last.  # (F,)
+        origins: points of the floor [m].  # (T, 3)
+        feet: each sole's share, own point and place.  # (T, S, FOOT)
+    """
+    k = np.full((len(frames), 1), 1.0 / (GRAVITY * dt**2))
+    return [around(qpos, frames), origins[frames], k, feet[frames].reshape(len(frames), -1)]
+
+
 @lru_cache(maxsize=4)
 def wrench(kinematics: CasadiKinematics) -> tuple[ca.Function, ca.Function]:
     """(z, q, o, k, feet) -> w, the wrench over m g, ``(6, 1)``, force first; and -> J = dw/dz, ``(6, 3 (6 + n))``.
@@ -59,9 +94,7 @@ def wrench(kinematics: CasadiKinematics) -> tuple[ca.Function, ca.Function]:
     share, point in its body [m] (3) and expected place [m] (2).
     """
     size = kinematics.tangent_size
-    z, q = ca.SX.sym("z", 3 * size), ca.SX.sym("q", 3 * (7 + kinematics.robot.dof))
-    o, k = ca.SX.sym("o", 3), ca.SX.sym("k")
-    feet = ca.SX.sym("feet", FOOT * len(kinematics.robot.soles))
+    z, q, o, k, feet = symbols(kinematics)
     steps = [z[i * size : (i + 1) * size] for i in range(3)]
     # Heights count from the floor, places from o: the numbers stay small, and the moment is about o at once.
     width = 7 + kinematics.robot.dof
@@ -103,10 +136,10 @@ def wrench(kinematics: CasadiKinematics) -> tuple[ca.Function, ca.Function]:
     jacobian = ca.horzcat(*blocks)
     jacobian[3:, :] -= ca.skew(off) @ jacobian[:3, :]
     jacobian[3:, size : 2 * size] += ca.skew(force) @ turns
-    arguments, names, options = [z, q, o, k, feet], ["z", "q", "o", "k", "feet"], {"cse": True}
+    given, names, options = [z, q, o, k, feet], ["z", "q", "o", "k", "feet"], {"cse": True}
     return (
-        ca.Function("wrench", arguments, [ca.vertcat(force, moment)], names, ["w"], options),
-        ca.Function("wrench_jacobian", arguments, [jacobian], names, ["J"], options),
+        ca.Function("wrench", given, [ca.vertcat(force, moment)], names, ["w"], options),
+        ca.Function("wrench_jacobian", given, [jacobian], names, ["J"], options),
     )
 
 

@@ -24,7 +24,7 @@ import numpy as np
 from gmr_traj.constants import GRAVITY
 from gmr_traj.kinematics.casadi_kinematics import CasadiKinematics
 from gmr_traj.residuals import FrameResidual, Residual
-from gmr_traj.terms.centroidal import FOOT, wrench
+from gmr_traj.terms.centroidal import arguments, around, symbols, wrench
 from gmr_traj.terms.contact_wrench import CONE, FAR, ContactWrench, most_edges
 from gmr_traj.terms.context import Context
 from gmr_traj.terms.stance_support import LEG, leg
@@ -108,25 +108,21 @@ class _Rows:
         if not frames.size:
             return None
         context, count = self.context, len(frames)
-        per_metre = 1.0 / (GRAVITY * context.dt**2)
+        per_metre = 1.0 / (GRAVITY * context.dt**2)  # what a derivative of a row is about
         maps = self.maps[frames, here]
         of_force = not maps[:, :, 3:].any()
         maps = maps[:, :, :3] if of_force else maps
         value, jacobian = _functions(context.kinematics, len(names), maps.shape[2])
         lower, upper = self.lower[frames, here].T, self.upper[frames, here].T
-        qpos, steps = context.centre.qpos, self.variables.steps
         return FrameResidual(
             name=f"contact_wrench/{name}",
             unit="m g" if of_force else "m g m",
             rows=names,
             frames=frames,
-            columns=np.hstack([steps[frames - 1], steps[frames], steps[frames + 1]]),
+            columns=around(self.variables.steps, frames),
             parameters=np.hstack(
                 [
-                    np.hstack([qpos[frames - 1], qpos[frames], qpos[frames + 1]]),
-                    self.origins[frames],
-                    np.full((count, 1), per_metre),
-                    self.feet[frames].reshape(count, -1),
+                    *arguments(context.centre.qpos, context.dt, frames, self.origins, self.feet),
                     maps.transpose(0, 2, 1).reshape(count, -1),
                 ]
             ).T,
@@ -143,8 +139,7 @@ class _Rows:
 def _functions(kinematics: CasadiKinematics, count: int, width: int) -> tuple[ca.Function, ca.Function]:
     """(z, p) -> ``A w`` with the first ``width`` numbers of the wrench; and its Jacobian."""
     needed, jacobian = wrench(kinematics)
-    sizes = {"q": 3 * (7 + kinematics.robot.dof), "o": 3, "k": 1, "feet": FOOT * len(kinematics.robot.soles)}
-    z, given = ca.SX.sym("z", 3 * kinematics.tangent_size), [ca.SX.sym(name, size) for name, size in sizes.items()]
+    z, *given = symbols(kinematics)
     flat = ca.SX.sym("A", count * width)
     A, p = ca.reshape(flat, count, width), ca.vertcat(*given, flat)
     r, J = A @ needed(z, *given)[:width], A @ jacobian(z, *given)[:width, :]

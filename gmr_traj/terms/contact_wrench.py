@@ -38,7 +38,7 @@ from gmr_traj.kinematics.casadi_kinematics import CasadiKinematics
 from gmr_traj.residuals import FrameResidual, GaussNewton, Residual
 from gmr_traj.robot import Robot
 from gmr_traj.terms import vertical_moment
-from gmr_traj.terms.centroidal import FOOT, wrench
+from gmr_traj.terms.centroidal import FOOT, arguments, around, symbols, wrench
 from gmr_traj.terms.context import Context
 from gmr_traj.terms.stance_support import LEG, hinges, leg, support, unexplained, weight_torques
 from gmr_traj.terms.term import Term
@@ -89,22 +89,17 @@ class ContactWrench(Term):
         flight = (lower[:, 0] == 0.0) & (upper[:, 0] == 0.0)
         scales = np.tile(scale, (context.frames, 1))
         scales[flight, :6] = np.repeat([self.force, self.moment], 3)
-        k = np.full((len(frames), 1), 1.0 / (GRAVITY * context.dt**2))
         parameters = np.hstack(
             [
-                np.hstack([qpos[frames - 1], qpos[frames], qpos[frames + 1]]),
-                origins[frames],
-                k,
-                feet[frames].reshape(len(frames), -1),
+                *arguments(qpos, context.dt, frames, origins, feet),
                 maps[frames].transpose(0, 2, 1).reshape(len(frames), -1),
                 context.dt / scales[frames] ** 2,
                 lower[frames],
                 upper[frames],
             ]
         ).T
-        steps = variables.steps
         functions = _functions(context.kinematics, self.robust, maps.shape[1])
-        columns = np.hstack([steps[frames - 1], steps[frames], steps[frames + 1]])
+        columns = around(variables.steps, frames)
         return [FrameResidual.cost("contact_wrench", "all rows", frames, columns, parameters, functions)]
 
     def _unexplained(self, context: Context, able: np.ndarray) -> np.ndarray:
@@ -135,7 +130,9 @@ class ContactWrench(Term):
         maps = np.zeros((frames, rows, 6))
         lower, upper = np.full((frames, rows), -FAR), np.full((frames, rows), FAR)
         feet = np.zeros((frames, len(robot.soles), FOOT))
+        # Points stay where they are for a stance: what follows from them alone is found once.
         known: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
+        turning: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
         for t in np.flatnonzero(~self._unexplained(context, given.able)).tolist():
             able = given.able[t]
             if not able.any():
@@ -162,7 +159,9 @@ class ContactWrench(Term):
             if len(standing) > 1 or standing[0] >= len(robot.soles):
                 continue
             if math.isfinite(self.vertical):
-                maps[t, of_legs + LEG :] = vertical_moment.rows(points, _WIDTH, self.friction, origins[t])
+                if key not in turning:
+                    turning[key] = vertical_moment.rows_about_centre(points, _WIDTH, self.friction)
+                maps[t, of_legs + LEG :] = vertical_moment.moved(*turning[key], origins[t])
                 lower[t, of_legs + LEG :] = 0.0
             s = int(standing[0])
             now = positions[t, bodies[s]] + rotations[t, bodies[s]] @ feet[t, s, 1:4]
@@ -185,8 +184,7 @@ def _functions(kinematics: CasadiKinematics, robust: float, rows: int) -> GaussN
     """Value, gradient and Hessian of one frame's cost, of so many rows."""
     size = kinematics.tangent_size
     needed, jacobian = wrench(kinematics)
-    sizes = {"q": 3 * (7 + kinematics.robot.dof), "o": 3, "k": 1, "feet": FOOT * len(kinematics.robot.soles)}
-    z, given = ca.SX.sym("z", 3 * size), [ca.SX.sym(name, count) for name, count in sizes.items()]
+    z, *given = symbols(kinematics)
     flat = ca.SX.sym("A", 6 * rows)
     weights, lower, upper = (ca.SX.sym(name, rows) for name in ("w", "l", "u"))
     A, dt = ca.reshape(flat, rows, 6), ca.sqrt(1 / (given[2] * GRAVITY))

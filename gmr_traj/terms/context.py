@@ -8,11 +8,12 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from gmr_traj.contacts.detect import placed_sole_points
 from gmr_traj.contacts.mask import to_mask
 from gmr_traj.contacts.release import turning
 from gmr_traj.contacts.schedule import ContactSchedule
 from gmr_traj.kinematics.casadi_kinematics import CasadiKinematics
-from gmr_traj.kinematics.mujoco_kinematics import body_points, placements
+from gmr_traj.kinematics.mujoco_kinematics import placements
 from gmr_traj.motion import RobotMotion
 from gmr_traj.references import BodyTargets
 from gmr_traj.robot import Robot
@@ -67,12 +68,7 @@ class Context:
     @cached_property
     def turning(self) -> np.ndarray:
         """Sole points in stance that the turn of their foot lifts; see :mod:`~gmr_traj.contacts.release`.  # (T, K)"""
-        slots = [self.robot.body_names.index(sole.body) for sole in self.robot.soles]
-        points = [
-            body_points(self.target_placements, slot, sole.points)
-            for slot, sole in zip(slots, self.robot.soles, strict=True)
-        ]
-        height = np.concatenate(points, axis=1)[..., 2]
+        height = placed_sole_points(self.robot, self.target_placements)[..., 2]
         return turning(to_mask(self.schedule, self.robot), height, self.robot)
 
     @cached_property

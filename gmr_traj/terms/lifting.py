@@ -12,33 +12,32 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gmr_traj.contacts.mask import to_mask
 from gmr_traj.robot import Robot, Sole
 from gmr_traj.runs import runs
-from gmr_traj.terms.context import Context
 
 #: As high as they like [m]; an infinity would turn into NaN where it is multiplied by zero.
 FREE = 1e3
 
 
-def ceilings(context: Context, rise: float, share: float) -> np.ndarray:
+def ceilings(resting: np.ndarray, turning: np.ndarray, lone: np.ndarray, rise: float, share: float) -> np.ndarray:
     """Largest height of every sole point above the floor in stance [m].  # (T, K)
 
     Args:
-        context: motions and schedule.
+        resting: which sole point is in stance when.  # (T, K) bool
+        turning: of those, see :func:`~gmr_traj.contacts.release.turning`.  # (T, K) bool
+        lone: and see :func:`alone`.  # (T, K) bool
         rise: height of points that a turning foot lifts [m]; 0 for none.
         share: of all frames of all points in stance those, at most, in which such a point is ``FREE``.
     """
-    resting = to_mask(context.schedule, context.robot)
     out = np.zeros(resting.shape)
     if rise <= 0.0:
         return out
-    lifted = context.turning | alone(context.robot, resting & ~context.turning)
+    lifted = turning | lone
     out[lifted] = rise
     order = _from_swing(resting, lifted)
     left = share * np.count_nonzero(resting)
     for nearest in range(1, int(order.max(initial=0)) + 1):
-        for whose in (context.turning, ~context.turning):  # a heel needs it more: the ankle is at its limit for it
+        for whose in (turning, ~turning):  # a heel needs it more: the ankle is at its limit for it
             its = (order == nearest) & whose
             left -= np.count_nonzero(its)
             if left < 0:

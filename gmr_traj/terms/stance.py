@@ -12,16 +12,14 @@ because the anchors are free, and not a hard constraint, whose rows would be dep
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import ClassVar
 
-import casadi as ca
 import numpy as np
 
 from gmr_traj.contacts.mask import to_mask
-from gmr_traj.kinematics.casadi_kinematics import CasadiKinematics
 from gmr_traj.kinematics.mujoco_kinematics import body_points
-from gmr_traj.residuals import FrameResidual, Residual
+from gmr_traj.residuals import Residual
+from gmr_traj.terms.anchored import Held, anchored
 from gmr_traj.terms.context import Context
 from gmr_traj.terms.lifting import alone, ceilings, pivoting, pivots
 from gmr_traj.terms.limb_stance import limb_anchors
@@ -53,12 +51,14 @@ class StanceAnchor(Term):
     def residuals(self, context: Context, variables: Variables) -> list[Residual]:
         """One residual a sole or limb, over the frames in which any of its points is in stance; adds the anchors."""
         out: list[Residual] = []
-        ceiling, last = ceilings(context, self.rise, self.free), 0
-        resting_alone = alone(context.robot, to_mask(context.schedule, context.robot) & ~context.turning)
-        for sole in context.robot.soles:
+        robot, last = context.robot, 0
+        standing = to_mask(context.schedule, robot) & ~context.turning
+        lone = alone(robot, standing)
+        ceiling = ceilings(to_mask(context.schedule, robot), context.turning, lone, self.rise, self.free)
+        for sole in robot.soles:
             own_points = slice(last, last := last + len(sole.points))
             stances = [s for s in context.schedule.stances if s.sole == sole.name]
-            slot = context.robot.body_names.index(sole.body)
+            slot = robot.body_names.index(sole.body)
             tips = pivots(sole) if self.rise > 0.0 else {}
             own = np.vstack([sole.points, *tips.values()])
             count, total = len(sole.points), len(own)
@@ -76,58 +76,15 @@ class StanceAnchor(Term):
             upper[:, 2 : 3 * count : 3] = ceiling[:, own_points]
             steep = overhang(context, sole, own, resting[:, :count])
             upper[:, 2::3] = np.maximum(upper[:, 2::3], steep)
-            firm = resting[:, :count] & ~context.turning[:, own_points]
             for number, part in enumerate(tips):
-                for first, stop in pivoting(firm, resting_alone[:, own_points], sole.parts, part):
+                for first, stop in pivoting(standing[:, own_points], lone[:, own_points], sole.parts, part):
                     during = slice(first, stop)
                     anchor[during, count + number] = variables.add(points[during, count + number, :2].mean(axis=0))
                     resting[during, count + number] = True
                     weights[during, 3 * (count + number) : 3 * (count + number) + 3] = context.dt / scale[:3] ** 2
-            frames = np.flatnonzero(resting.any(axis=1))
-            if not frames.size:
-                continue
-            # A point in swing has weight zero; naming an anchor of its sole there keeps the Hessian as sparse as it is.
-            some = anchor[frames, resting[frames].argmax(axis=1)]
-            anchors = np.where(resting[frames][:, :, None], anchor[frames], some[:, None])
-            value, jacobian = _functions(context.kinematics, sole.name, bool(tips))
             names = [*(f"{part} {k}" for k, part in enumerate(sole.parts)), *(f"{part} tip" for part in tips)]
-            out.append(
-                FrameResidual(
-                    name=f"stance/{sole.name}",
-                    unit="m",
-                    rows=[f"{name} {axis}" for name in names for axis in "xyz"],
-                    frames=frames,
-                    columns=np.hstack([variables.steps[frames], anchors.reshape(len(frames), -1)]),
-                    parameters=context.centre.qpos[frames].T,
-                    value=value,
-                    jacobian=jacobian,
-                    lower=np.zeros((3 * total, len(frames))),
-                    upper=upper[frames].T,
-                    weights=weights[frames].T,
-                )
-            )
+            rows = [f"{name} {axis}" for name in names for axis in "xyz"]
+            held = tuple(Held(sole.body, tuple(point)) for point in own.tolist())
+            residual = anchored(context, variables, f"stance/{sole.name}", rows, held, anchor, resting, upper, weights)
+            out += [] if residual is None else [residual]
         return out + (limb_anchors(context, variables, self.limb) if self.limb > 0.0 else [])
-
-
-@lru_cache(maxsize=8)
-def _functions(kinematics: CasadiKinematics, name: str, tips: bool) -> tuple[ca.Function, ca.Function]:
-    """(step and anchors, configuration) -> point errors; and their Jacobian."""
-    robot = kinematics.robot
-    sole = next(s for s in robot.soles if s.name == name)
-    own = np.vstack([sole.points, *pivots(sole).values()]) if tips else sole.points
-    count = len(own)
-    z = ca.SX.sym("z", kinematics.tangent_size + 2 * count)
-    reference = ca.SX.sym("q", 7 + robot.dof)
-    placements = kinematics.placements(z[: kinematics.tangent_size], reference)
-    slot = robot.body_names.index(sole.body)
-    anchors = ca.reshape(z[kinematics.tangent_size :], 2, count)
-    errors = ca.vertcat(
-        *[
-            placements.positions[slot] + placements.rotations[slot] @ ca.DM(point) - ca.vertcat(anchors[:, k], 0)
-            for k, point in enumerate(own)
-        ]
-    )
-    options = {"cse": True}
-    value = ca.Function("stance", [z, reference], [errors], ["z", "p"], ["r"], options)
-    jacobian = ca.Function("stance_jacobian", [z, reference], [ca.jacobian(errors, z)], ["z", "p"], ["J"], options)
-    return value, jacobian

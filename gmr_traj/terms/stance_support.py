@@ -12,7 +12,7 @@ import numpy as np
 from gmr_traj.contacts.carrying import CarryingSettings, bearing, centre_height, load
 from gmr_traj.contacts.limbs import limb_points
 from gmr_traj.contacts.mask import limb_owners, limbs_to_mask
-from gmr_traj.kinematics.mujoco_kinematics import body_points
+from gmr_traj.kinematics.mujoco_kinematics import body_points, lowest_points
 from gmr_traj.robot import BodySupport, Robot, Sole
 from gmr_traj.runs import runs
 from gmr_traj.terms.context import Context
@@ -87,9 +87,7 @@ def unexplained(context: Context, able: np.ndarray) -> np.ndarray:
     stands = _standing_shapes(robot, able)
     out, nowhere = np.zeros(context.frames, bool), np.zeros(context.frames, bool)
     for capsule in (c for c in robot.capsules if c.body not in feet):
-        slot, low = robot.body_names.index(capsule.body), np.zeros(context.frames, bool)
-        for end in (capsule.start, capsule.end):
-            low |= positions[:, slot, 2] + rotations[:, slot, 2] @ end - capsule.radius < _LOW
+        low = lowest_points((positions, rotations), robot.body_names.index(capsule.body), capsule) < _LOW
         out |= low & ~stands.get(capsule.name, nowhere)
     loads = load(centre_height(robot, positions, rotations), context.centre.fps, settings.spread)
     for start, stop in runs((loads > settings.loaded) & ~able.any(axis=1)):

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from gmr_traj.contacts.mask import limbs_to_mask
-from gmr_traj.kinematics.mujoco_kinematics import body_points
+from gmr_traj.kinematics.mujoco_kinematics import body_points, lowest_points
 from gmr_traj.robot import Sole
 from gmr_traj.terms.context import Context
 
@@ -32,14 +32,10 @@ def overhang(context: Context, sole: Sole, points: np.ndarray, resting: np.ndarr
     out = np.zeros((context.frames, len(points)))
     if not steep.any():
         return out
-    positions, rotations = (placed[steep] for placed in context.target_placements)
-    slot = context.robot.body_names.index(sole.body)
-
-    def height(own: np.ndarray) -> np.ndarray:
-        return np.asarray(body_points((positions, rotations), slot, own)[..., 2])
-
-    lowest = height(np.vstack([sole.points, sole.outline])).min(axis=1)
+    positions, rotations = context.target_placements
+    placed, slot = (positions[steep], rotations[steep]), context.robot.body_names.index(sole.body)
+    lowest = body_points(placed, slot, np.vstack([sole.points, sole.outline]))[..., 2].min(axis=1)
     for capsule in (c for c in context.robot.capsules if c.body == sole.body):
-        lowest = np.minimum(lowest, height(np.stack([capsule.start, capsule.end])).min(axis=1) - capsule.radius)
-    out[steep] = height(points) - lowest[:, None]
+        lowest = np.minimum(lowest, lowest_points(placed, slot, capsule))
+    out[steep] = body_points(placed, slot, points)[..., 2] - lowest[:, None]
     return out

@@ -50,17 +50,16 @@ def rectangle(points: np.ndarray, widen: float) -> tuple[np.ndarray, np.ndarray,
     return centre, axes, np.array(max(half, key=lambda sides: sides[0] * sides[1]))
 
 
-def rows(points: np.ndarray, widen: float, friction: float, origin: np.ndarray) -> np.ndarray:
-    """A of the eight rows ``A (F, M) >= 0``, M about a point of the floor.
+def rows_about_centre(points: np.ndarray, widen: float, friction: float) -> tuple[np.ndarray, np.ndarray]:
+    """The eight rows ``A (F, M) >= 0``, M about the centre of the points.
 
     Args:
         points: that bear the load.  # (K, 2)
         widen: half the width of what a point or a line can bear [m].
         friction: mu of the cone.
-        origin: the point [m].  # (3,)
 
     Returns:
-        A.  # (8, 6)
+        A  # (8, 6), and the centre [m]  # (2,).
     """
     centre, axes, (x, y) = rectangle(points, widen)
     if np.linalg.det(axes) < 0:
@@ -73,8 +72,17 @@ def rows(points: np.ndarray, widen: float, friction: float, origin: np.ndarray) 
         for row, sense in ((k, 1.0), (k + len(_SIGNS), -1.0)):
             about[row, :3] = [-one * y, -other * x, mu * (x + y)]
             about[row, 3:] = [sense * one * mu, sense * other * mu, sense]
-    force, moment = about[:, :3] @ turn, about[:, 3:] @ turn
-    # About the centre, M is less by (centre - origin) x F.
+    return np.hstack([about[:, :3] @ turn, about[:, 3:] @ turn]), centre
+
+
+def moved(rows: np.ndarray, centre: np.ndarray, origin: np.ndarray) -> np.ndarray:
+    """Rows about another point of the floor: about the centre, M is less by (centre - origin) x F.  # (8, 6)
+
+    Args:
+        rows: A.  # (8, 6)
+        centre: the point they are about [m].  # (2,)
+        origin: the other one [m].  # (3,)
+    """
     away = np.append(centre, 0.0) - origin
     lever = np.array([[0.0, -away[2], away[1]], [away[2], 0.0, -away[0]], [-away[1], away[0], 0.0]])
-    return np.hstack([force - moment @ lever, moment])
+    return np.hstack([rows[:, :3] - rows[:, 3:] @ lever, rows[:, 3:]])
