@@ -21,7 +21,7 @@ from gmr_traj.terms.term import Term
 from gmr_traj.toml_table import Table
 
 # Fields that may be zero or negative; all others must be positive.
-_ANY_SIGN = ("clearance", "margin", "rise")
+_ANY_SIGN = ("clearance", "margin", "rise", "free", "limb")
 
 
 @dataclass(frozen=True)

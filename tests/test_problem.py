@@ -192,6 +192,8 @@ def test_every_term_takes_its_fields_and_nothing_else(
     values = {field.name: value for field in fields(kind)}
     if "near" in values:
         values["near"] = 0.5 if "factor" in values else 2 * value
+    if "free" in values:
+        values["free"] = min(1.0, value)  # a share
     lines = [
         f'type = "{name}"',
         f'use = "{kind.uses[0]}"',

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ import pytest
 from gmr_traj.exceptions import ProblemError, ResourceError
 from gmr_traj.problem import load_problem
 from gmr_traj.problem_base import problem_files
+from gmr_traj.terms.stance import StanceAnchor
 
 HEAD = 'base = "refine"\nname = "mine"\n'
 
@@ -103,3 +105,21 @@ def test_a_base_that_does_not_exist_is_named(tmp_path: Path) -> None:
 def test_a_problem_to_solve_otherwise_that_does_not_exist_is_said_at_once(tmp_path: Path) -> None:
     with pytest.raises(ResourceError, match="peace"):
         load_problem(write(tmp_path, HEAD + 'otherwise = "peace"\n'))
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("rise = -0.01", "rise is -0.01; expected a positive number, or 0"),
+        ("free = -1.0", "free is -1; expected a positive number, or 0"),
+        ("free = 1.5", "free is 1.5; expected a share of at most 1"),
+        ("limb = -0.004", "limb is -0.004; expected a positive number, or 0"),
+    ],
+)
+def test_what_a_stance_may_leave_out_is_no_less_than_nothing(tmp_path: Path, text: str, complaint: str) -> None:
+    head = HEAD + '[[terms]]\ntype = "stance_anchor"\n'
+    with pytest.raises(ProblemError, match=re.escape(complaint)):
+        load_problem(write(tmp_path, head + text))
+    name = text.partition(" ")[0]
+    terms = load_problem(write(tmp_path, f"{head}{name} = 0")).terms
+    assert getattr(next(item.term for item in terms if isinstance(item.term, StanceAnchor)), name) == 0.0

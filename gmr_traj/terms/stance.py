@@ -48,6 +48,13 @@ class StanceAnchor(Term):
 
     uses: ClassVar[tuple[str, ...]] = ("cost",)
 
+    def complaint(self) -> str:
+        """None of what may be left out can be less than nothing, and no share more than all."""
+        for name in ("rise", "free", "limb"):
+            if getattr(self, name) < 0.0:
+                return f"{name} is {getattr(self, name):g}; expected a positive number, or 0 for none"
+        return "" if self.free <= 1.0 else f"free is {self.free:g}; expected a share of at most 1"
+
     def residuals(self, context: Context, variables: Variables) -> list[Residual]:
         """One residual a sole or limb, over the frames in which any of its points is in stance; adds the anchors."""
         out: list[Residual] = []
